@@ -70,7 +70,7 @@ def pair(job: tuple[int, int, Path]) -> dict:
         run(binary, "identify", record("old.csv", arm, first), *files, "--out", old, "--json")
         # what these poses would show does not depend on what is measured there
         visible = run(binary, "compare", old, record("same.csv", arm, second), "--json")[0]["visible"]
-        sizes = {v["what"]: v["smallest"] for v in visible}
+        sizes = {v["what"]: v["smallest"] for v in reversed(visible)}  # of a tool or base the place, told first
         what, times = "nothing", 0.0
         if index % 2:
             what = ["tool", "base", *[f"joint {j}" for j in range(1, 7)]][(index // 2) % 8]

@@ -47,6 +47,14 @@ def _file(part: PathLike | Robot | Cell) -> Any:
     return os.fsdecode(part)
 
 
+def _model(model: Model | PathLike) -> Model:
+    if isinstance(model, Model):
+        return model
+    if not isinstance(model, str | bytes | os.PathLike):
+        raise TypeError(f"model: found {type(model).__name__}, expected a Model or the path of a model file")
+    return Model.load(os.fsdecode(model))
+
+
 def identify(
     recordings: Recordings,
     *,
@@ -211,7 +219,7 @@ def diagnose(
 
 
 def validate(
-    model: Model,
+    model: Model | PathLike,
     recordings: Recordings,
     *,
     robot: PathLike | Robot | None = None,
@@ -220,21 +228,22 @@ def validate(
     refit: str | Sequence[str] = (),
     progress: Progress = False,
 ) -> Validation:
-    """Score a model on recordings of its arm.
+    """Score a model, or that of a model file, on recordings of its arm.
 
     A recording that the model was fitted to is predicted with all that was identified of it, any other by what belongs
-    to the arm. Where the model cannot know a recording's measuring frame, frame and tool points are identified from
+    to the arm. Where the model cannot know a recording's measuring frame or tool points, these are identified from
     every fourth of its poses. `robot` and `cell` are by default those inside the model; `joints` those that it was
     fitted to. With `refit` "frame" or "frame,targets" these are identified again from every fourth pose, for an
     instrument that was set up anew, and the other poses are scored. The other arguments and errors are those of
     `identify`; WrongModelError where model and recordings do not belong together.
     """
     what = refit.split(",") if isinstance(refit, str) else list(refit)
+    loaded = _model(model)
     text, errors, told = _native._validate(
-        model,
+        loaded,
         _sources(recordings),
-        model.nominal_robot if robot is None else _file(robot),
-        model.nominal_cell if cell is None else _file(cell),
+        loaded.nominal_robot if robot is None else _file(robot),
+        loaded.nominal_cell if cell is None else _file(cell),
         joints,
         [w for w in what if w],
         listener(progress, "validating"),
@@ -247,28 +256,31 @@ def validate(
     return Validation(**told_of, errors_mm=errors, _made=made)
 
 
-def compare(model: Model, recording: PathLike | Recording, *, joints: str | None = None) -> dict[str, Any]:
+def compare(model: Model | PathLike, recording: PathLike | Recording, *, joints: str | None = None) -> dict[str, Any]:
     """Say whether an arm has changed since its calibration, from 8 to 12 new touches (or any recording).
 
-    `model` is an earlier calibration by `identify`, which knows how uncertain it is. Keys: verdict ("unchanged",
-    "setup changed", "arm changed", "wrong touches"), summary, changes (what, by how much, probability, rivals), visible
-    (the smallest change that these poses would show nine times in ten), mean_mm, noise_mm, more_noise, alone, temp_c,
-    hash. WrongModelError where the model does not know its uncertainty, or was fitted to this recording.
+    `model` is an earlier calibration by `identify`, or its file, which knows how uncertain it is. Keys: verdict
+    ("unchanged", "setup changed", "arm changed", "wrong touches", "nothing visible"), summary, changes (what, by how
+    much, probability, rivals), visible (the smallest change that these poses would show nine times in ten), rejected,
+    setup_of (whose tool and balls it is compared with), anew (what the model does not know), mean_mm, noise_mm,
+    more_noise, alone, temp_c, hash. WrongModelError where the model does not know its uncertainty, or was fitted to
+    this recording.
     """
     session: dict[str, Any] = history(model, [recording], joints=joints)["sessions"][0]
     return session
 
 
 def history(
-    model: Model, recordings: Recordings, *, joints: str | None = None, need_mm: float | None = None
+    model: Model | PathLike, recordings: Recordings, *, joints: str | None = None, need_mm: float | None = None
 ) -> dict[str, Any]:
-    """Compare sessions in the order of time with one calibration of the arm.
+    """Compare sessions with one calibration of the arm, a model or its file.
 
+    They are taken in the order of the dates such as 2026-11-22 in the names of files; where some have none, as given.
     Keys: sessions (each as `compare` has it; those that the model was fitted to are left out), days (since the first,
-    by dates such as 2026-11-22 in the names of files), trend (growth of the mean error), due (when the next calibration
-    is due, in a sentence; `need_mm` is the mean error that the work allows).
+    by those dates), trend (growth of the mean error), due (when the next calibration is due, in a sentence; `need_mm`
+    is the mean error that the work allows).
     """
-    result: dict[str, Any] = json.loads(_native._history(model, _sources(recordings), joints, need_mm))
+    result: dict[str, Any] = json.loads(_native._history(_model(model), _sources(recordings), joints, need_mm))
     return result
 
 

@@ -277,7 +277,7 @@ def test_an_arm_is_compared_with_what_it_was(truth: trical.Model, plan: trical.P
         truth, plan.q[few], ball=plan.ball[few], directions=plan.directions[few], noise=5e-6, seed=11
     )
     told = trical.compare(fitted.model, again)
-    assert told["verdict"] in ("unchanged", "setup changed", "arm changed", "wrong touches")
+    assert told["verdict"] in ("unchanged", "setup changed", "arm changed", "wrong touches", "nothing visible")
     assert told["summary"] and told["mean_mm"] > 0 and told["visible"]
     # joint 3 is 0.2 deg off since
     turned = again.q.copy()
@@ -290,6 +290,17 @@ def test_an_arm_is_compared_with_what_it_was(truth: trical.Model, plan: trical.P
     history = trical.history(fitted.model, [again, moved], need_mm=0.1)
     assert [s["verdict"] for s in history["sessions"]] == [told["verdict"], changed["verdict"]]
     assert history["due"].startswith("The next calibration is due now:") and len(history["sessions"]) == 2
+
+
+def test_a_model_may_be_given_by_its_file(fitted: trical.Identified, touches: trical.Recording, tmp_path: Path) -> None:
+    path = tmp_path / "fitted.toml"
+    fitted.model.save(path)
+    assert trical.validate(path, touches).after == trical.validate(fitted.model, touches).after
+    moved = trical.Recording(q=touches.q[::9] + 1e-4, ball=touches.ball[::9], indicators=touches.indicators[::9])
+    assert trical.compare(path, moved) == trical.history(str(path), [moved])["sessions"][0]
+    for call in (trical.validate, trical.compare, trical.history):
+        with pytest.raises(TypeError, match="model: found int, expected a Model or the path of a model file"):
+            call(7, touches)  # type: ignore[operator]
 
 
 def test_what_is_known_beforehand_counts(touches: trical.Recording, tmp_path: Path) -> None:

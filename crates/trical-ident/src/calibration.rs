@@ -19,6 +19,7 @@ use crate::identifiability::{Choice, Elasticity, Observability, OwnSetup, Parame
 pub use crate::identify::Fit;
 use crate::identify::{ErrorSummary, Identified, identify};
 use crate::joint_choice::clean;
+use crate::rigid::moved;
 use crate::solver::LmReport;
 use crate::stream::identify_stream;
 use crate::torque_load::{TorqueLoad, torque_loads};
@@ -150,8 +151,18 @@ pub struct SessionSetup {
     pub recording: String,
     /// "tool", "balls": what was identified for this session alone.
     pub own: Vec<&'static str>,
-    /// How far that is from the first session's, mm.
-    pub differs_mm: f64,
+    /// How far each of `own` is from the first session's, mm; of several targets the root mean square.
+    pub differs_mm: Vec<f64>,
+}
+
+impl SessionSetup {
+    /// "second.csv: tool of its own, 2.000 mm from the first session's"; `None` for a session that shares everything.
+    #[must_use]
+    pub fn in_words(&self) -> Option<String> {
+        let each = self.own.iter().zip(&self.differs_mm).map(|(what, mm)| format!("{what} of its own, {mm:.3} mm"));
+        let all = each.collect::<Vec<_>>().join(", and ");
+        (!all.is_empty()).then(|| format!("{}: {all} from the first session's", self.recording))
+    }
 }
 
 /// A fitted model, what it was fitted to and what it is worth.
@@ -519,15 +530,20 @@ fn session_setups(fitted: &Identified) -> Vec<SessionSetup> {
     let setup = |(k, name): (usize, &String)| {
         let own = |t: &&trical_model::Term| t.effect != "place" && t.basis.session.is_some_and(|s| s as usize == k + 1);
         let terms: Vec<_> = fitted.model.terms.iter().filter(own).collect();
-        let has = |balls: bool| terms.iter().any(|t| matches!(t.site, Site::Fixture(_)) == balls);
-        let along = |t: &&&trical_model::Term| {
-            matches!(t.site, Site::Tool(Motion::Along(_)) | Site::Target { .. } | Site::Fixture(Motion::Along(_)))
+        let differs = |balls: bool| {
+            let mut of = terms.iter().filter(|t| matches!(t.site, Site::Fixture(_)) == balls).peekable();
+            // components, each with its point: 0 the TCP, or the balls as one
+            let part = |t: &&trical_model::Term| match t.site {
+                Site::Target { target, .. } => Some((target, t.value)),
+                Site::Tool(Motion::Along(_)) | Site::Fixture(Motion::Along(_)) => Some((0, t.value)),
+                _ => None,
+            };
+            of.peek().is_some().then(|| moved(of.filter_map(part)) * 1e3)
         };
-        SessionSetup {
-            recording: name.clone(),
-            own: [("tool", has(false)), ("balls", has(true))].into_iter().filter(|o| o.1).map(|o| o.0).collect(),
-            differs_mm: terms.iter().filter(along).map(|t| t.value * t.value).sum::<f64>().sqrt() * 1e3,
-        }
+        let each =
+            [("tool", differs(false)), ("balls", differs(true))].into_iter().filter_map(|(o, mm)| Some((o, mm?)));
+        let (own, differs_mm) = each.unzip();
+        SessionSetup { recording: name.clone(), own, differs_mm }
     };
     data.names.iter().enumerate().map(setup).collect()
 }

@@ -13,13 +13,14 @@ use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use trical_model::{Axis, Basis, Cell, Forward, Measured, Model, Motion, Recording, Scope, Site, Term};
 
-use crate::dataset::{Dataset, JointSource};
+use crate::dataset::{Dataset, JointSource, Rejected};
+use crate::date::by_date;
 use crate::error::{IdentError, Result};
 use crate::fit::check_observations;
 use crate::model_file::{ModelFile, Uncertainty};
 use crate::noise::Noise;
 use crate::predicted::covariance;
-use crate::rigid::mean;
+use crate::rigid::{mean, moved};
 use crate::triangle::dot;
 use crate::units::unit;
 use crate::validate::{Refit, adapted};
@@ -88,7 +89,8 @@ pub struct Change {
     pub rivals: Vec<String>,
 }
 
-/// The smallest change that these poses would show nine times in ten.
+/// The smallest change that these poses would show nine times in ten; of a tool or base that of its place, and then
+/// that of its direction, whichever way it goes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Visible {
     /// "joint 3", "tool", "base".
@@ -108,7 +110,16 @@ pub struct Comparison {
     pub hash: String,
     /// Measurements that were compared.
     pub measurements: usize,
-    /// "unchanged", "setup changed" (tool or base only), "arm changed", "wrong touches" (only those).
+    /// Rows that were not used.
+    pub rejected: Vec<Rejected>,
+    /// Recording whose tool and balls the calibration has here, its newest; `null` where all that it was fitted to
+    /// share theirs.
+    pub setup_of: Option<String>,
+    /// "tool", "base": what the calibration does not know and was identified on this recording, so that no change of it
+    /// can be seen.
+    pub anew: Vec<&'static str>,
+    /// "unchanged", "setup changed" (tool or base only), "arm changed", "wrong touches" (only those), "nothing visible"
+    /// (these measurements would show no change).
     pub verdict: &'static str,
     /// In plain sentences.
     pub summary: String,
@@ -160,7 +171,8 @@ pub fn compare(
     })?;
     let framed = recording.rows.iter().any(|r| r.measured.is_framed());
     let refit = Refit { frame: framed, targets: false };
-    let adapted = adapted(file, cell, std::slice::from_ref(recording), joints, framed.then_some(refit), true)?;
+    let newest = newest(file);
+    let adapted = adapted(file, cell, std::slice::from_ref(recording), joints, framed.then_some(refit), Some(newest))?;
     if adapted.is_known() {
         return Err(IdentError::WrongModel(format!(
             "{}: the model was fitted to this recording; expected a later one",
@@ -170,12 +182,23 @@ pub fn compare(
     let model = adapted.identified()?;
     let data = thinned(&adapted.data);
     let errors = crate::fit::position_errors(&Forward::new(model.clone(), Vec::new())?, &adapted.data);
+    let own_setup = |t: &Term| t.basis.session.is_some() && t.basis.place.is_none() && t.scope() == Scope::Setup;
+    let setup_of =
+        file.model.terms.iter().any(own_setup).then(|| Some(file.sessions.get(newest as usize - 1)?.recording.clone()));
     let (model, explanations, free) = with_explanations(model, &data, uncertainty);
+    let is_new = |such: &dyn Fn(&Site) -> bool| free.new.iter().any(|k| such(&model.terms[*k].site));
+    let tool = is_new(&|s| matches!(s, Site::Tool(_) | Site::Target { .. }));
+    // of sockets the place is new by their nature
+    let placed = recording.places.is_empty() && cell.balls_fix_base(|_| true);
+    let base = placed && is_new(&|s| matches!(s, Site::Fixture(_)));
     let whitened = Whitened::of(&model, &free, &explanations, &data, uncertainty)?;
     let mut out = whitened.compare(&model, &explanations);
     out.recording.clone_from(&recording.name);
     out.hash = crate::repeated::fingerprint(recording);
     out.measurements = adapted.data.observations.len();
+    out.rejected.clone_from(&adapted.data.rejected);
+    out.setup_of = setup_of.flatten();
+    out.anew = [("tool", tool), ("base", base)].into_iter().filter(|a| a.1).map(|a| a.0).collect();
     out.mean_mm = mean(&errors) * 1e3;
     out.noise_mm = uncertainty.noise * 1e3;
     out.temp_c = adapted.data.mean_temp_c();
@@ -193,6 +216,13 @@ pub fn compare(
         )));
     }
     Ok(out)
+}
+
+/// The newest session (from 1) that a model was fitted to: by the dates in the names of its recordings, or the last
+/// one.
+fn newest(file: &ModelFile) -> u32 {
+    let by_date = by_date(file.sessions.iter().map(|s| s.recording.as_str())).and_then(|order| order.last().copied());
+    u32::try_from(by_date.map_or(file.sessions.len(), |k| k + 1)).unwrap_or(u32::MAX).max(1)
 }
 
 /// Some of many measurements, evenly.
@@ -250,7 +280,7 @@ fn with_explanations(mut model: Model, data: &Dataset, old: &Uncertainty) -> (Mo
     }
     add(&mut model, "tool".into(), Scope::Setup, tool);
     // where the frame or the balls' places are new, they take up whatever the base did
-    if free.new.is_empty() {
+    if free.new.iter().all(|k| matches!(model.terms[*k].site, Site::Tool(_) | Site::Target { .. })) {
         let base =
             |motions: &[Motion]| motions.iter().map(|m| (format!("base {}", m.name()), Site::Base(*m))).collect();
         add(&mut model, "base".into(), Scope::Setup, base(&Motion::ALL[..3]));
@@ -355,7 +385,12 @@ impl Whitened {
         let taken: Vec<Vec<f64>> = (0..free.new.len()).map(|k| column(m + k)).collect();
         let new = extend(&mut nuisance, &taken);
         let freed = |mut v: Vec<f64>| {
+            let whole = dot(&v, &v);
             project_out(&mut v, &nuisance);
+            // digits that are left of what is taken up are nothing
+            if dot(&v, &v) < 1e-12 * whole {
+                v.fill(0.0);
+            }
             v
         };
         let mut next = m + free.new.len();
@@ -415,6 +450,7 @@ impl Whitened {
                 Change { what: e.what.clone(), scope: e.scope, probability, p_value, by, rivals }
             })
             .collect();
+        let visible = self.visible(model, explanations, more_noise);
         let whole = |k: usize| explanations[k].what != "base"; // its turned form has the same numbers
         let alone = (0..families)
             .filter(|k| machine(*k) && whole(*k))
@@ -424,11 +460,18 @@ impl Whitened {
             recording: String::new(),
             hash: String::new(),
             measurements: 0,
-            verdict: verdict(&changes),
+            rejected: Vec::new(),
+            setup_of: None,
+            anew: Vec::new(),
+            verdict: if changes.is_empty() && visible.iter().all(|v| v.smallest.is_none()) {
+                "nothing visible"
+            } else {
+                verdict(&changes)
+            },
             summary: String::new(),
             doubted: false,
             changes,
-            visible: self.visible(model, explanations, more_noise),
+            visible,
             mean_mm: 0.0,
             noise_mm: 0.0,
             more_noise: more_noise.sqrt(),
@@ -482,7 +525,7 @@ impl Whitened {
     ) -> Vec<Vec<Changed>> {
         let columns: Vec<&Vec<f64>> = chosen.iter().flat_map(|k| &self.columns[*k]).collect();
         let p = columns.len();
-        let lengths: Vec<f64> = columns.iter().map(|c| dot(c, c).sqrt().max(1e-300)).collect();
+        let lengths: Vec<f64> = columns.iter().map(|c| dot(c, c).sqrt().max(1e-100)).collect();
         // a hair of damping where two explanations are one
         let normal = Mat::from_fn(p, p, |i, j| {
             dot(columns[i], columns[j]) / (lengths[i] * lengths[j]) + if i == j { 1e-9 } else { 0.0 }
@@ -516,26 +559,48 @@ impl Whitened {
         let limit = FALSE_ALARMS / explanations.len() as f64;
         let share = SHARE * (self.rows as f64).sqrt();
         let machine = explanations.iter().zip(&self.columns).filter(|(e, _)| e.touch.is_none());
-        let size = |(e, columns): (&Explanation, &Vec<Vec<f64>>)| {
+        let sizes = |(e, columns): (&Explanation, &Vec<Vec<f64>>)| {
             let rank = extend(&mut Vec::new(), columns);
             let needed = lambda(limit, rank.max(1), share) * more_noise.sqrt();
-            // of motions along: the one that is seen worst, in mm
-            let along = |t: &&usize| unit(&model.terms[**t]).name == "mm";
-            let of_length = e.terms.iter().filter(along).count();
-            let terms = e.terms.iter().zip(columns).filter(|(t, _)| of_length == 0 || along(t));
-            let worst =
-                terms.map(|(t, c)| (dot(c, c).sqrt(), unit(&model.terms[*t]))).min_by(|a, b| a.0.total_cmp(&b.0));
-            worst.map(|(length, u)| {
-                let smallest = needed / length * u.per_si.abs();
-                Visible {
-                    what: e.what.clone(),
-                    smallest: (smallest < largest(&u.name)).then_some(smallest),
-                    unit: u.name,
+            // a joint that slides has a length, one that turns an angle
+            ["mm", "deg"].map(|of| {
+                let mut per_si = None;
+                let mut axes: Vec<(&str, Vec<f64>)> = Vec::new();
+                for (t, c) in e.terms.iter().map(|t| &model.terms[*t]).zip(columns) {
+                    let u = unit(t);
+                    if u.name != of {
+                        continue;
+                    }
+                    per_si = Some(u.per_si.abs());
+                    // all targets together along one axis: the tool is rigid
+                    let axis = point_and_axis(&t.name).1;
+                    match axes.iter_mut().find(|a| a.0 == axis) {
+                        Some((_, sum)) => sum.iter_mut().zip(c).for_each(|(s, c)| *s += c),
+                        None => axes.push((axis, c.clone())),
+                    }
                 }
+                let smallest = needed / shortest(&axes) * per_si?;
+                Some(Visible {
+                    what: e.what.clone(),
+                    smallest: (smallest < largest(of)).then_some(smallest),
+                    unit: of.into(),
+                })
             })
         };
-        machine.filter_map(size).collect()
+        machine.flat_map(sizes).flatten().collect()
     }
+}
+
+/// "target 2" and "x" of "target 2 x".
+fn point_and_axis(name: &str) -> (&str, &str) {
+    name.rsplit_once(' ').unwrap_or((name, ""))
+}
+
+/// Length of the combination of columns with unit coefficients that is shortest: their smallest singular value.
+fn shortest(columns: &[(&str, Vec<f64>)]) -> f64 {
+    let rows = columns.first().map_or(0, |c| c.1.len());
+    let all = Mat::from_fn(rows, columns.len(), |i, j| columns[j].1[i]);
+    all.singular_values().map_or(0.0, |s| s.into_iter().fold(f64::INFINITY, f64::min))
 }
 
 /// Evidence in nats of `rank` numbers that take up `t`: their prior is as wide as what was found (George & Foster 2000), so that more
@@ -586,16 +651,26 @@ fn doubt(c: &Comparison, usual_mm: Option<f64>) -> Option<String> {
 /// The verdict in sentences.
 fn in_words(c: &Comparison) -> String {
     let size = |change: &Change| {
-        let along: Vec<&Changed> = change.by.iter().filter(|b| b.unit == "mm").collect();
-        let length = along.iter().map(|b| b.value * b.value).sum::<f64>().sqrt();
-        match &change.by[..] {
-            [] => String::new(),
-            [one] => format!(" by {:.4} +- {:.4} {}", one.value, one.sd, one.unit),
-            _ => format!(" by {length:.3} mm"),
+        let of = |unit: &'static str| {
+            let mut parts = change.by.iter().filter(move |b| b.unit == unit).peekable();
+            parts.peek().is_some().then(|| moved(parts.map(|b| (point_and_axis(&b.name).0, b.value))))
+        };
+        match (&change.by[..], of("mm"), of("deg")) {
+            ([one], ..) => format!(" by {:.4} +- {:.4} {}", one.value, one.sd, one.unit),
+            (_, Some(mm), Some(deg)) => format!(" by {mm:.3} mm and {deg:.3} deg"),
+            (_, Some(mm), None) => format!(" by {mm:.3} mm"),
+            _ => String::new(),
         }
     };
-    if c.changes.is_empty() {
-        return format!("No change was found in these {} measurements.", c.measurements);
+    let joint_seen = c.visible.iter().any(|v| v.what.starts_with("joint") && v.smallest.is_some());
+    let mut words = Vec::new();
+    if c.verdict == "nothing visible" {
+        words.push(format!("Nothing can be seen in these {} measurements: they would show no change.", c.measurements));
+    } else if c.changes.is_empty() && joint_seen {
+        words.push(format!("No change was found in these {} measurements.", c.measurements));
+    } else if c.changes.is_empty() {
+        let of = c.measurements;
+        words.push(format!("No change was found in these {of} measurements, which would not show one of any joint."));
     }
     let sentence = |change: &Change| {
         let sure = (change.probability * 100.0).floor().min(99.0);
@@ -606,7 +681,25 @@ fn in_words(c: &Comparison) -> String {
             format!("{}{or} changed{}, {sure:.0} % sure.", capital(&change.what), size(change))
         }
     };
-    c.changes.iter().map(sentence).collect::<Vec<_>>().join(" ")
+    words.extend(c.changes.iter().map(sentence));
+    if c.changes.len() == CHANGES && c.changes.iter().filter(|c| c.scope == Scope::Arm).count() > 1 {
+        words.push("So much is different that this may be another arm of the same kind.".into());
+    }
+    if !c.anew.is_empty() {
+        let it = if c.anew.len() > 1 { "them" } else { "it" };
+        words.push(format!(
+            "A change of the {} cannot be seen: the calibration does not know {it}, and this recording's own fit finds \
+             {it}.",
+            c.anew.join(" and ")
+        ));
+    }
+    if let Some(of) = &c.setup_of {
+        words.push(format!(
+            "Compared with the tool and the balls at the end of {of}, the newest recording that the calibration was \
+             fitted to."
+        ));
+    }
+    words.join(" ")
 }
 
 /// A text that begins with a capital letter.

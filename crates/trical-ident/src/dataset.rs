@@ -67,6 +67,24 @@ pub struct Rejected {
     pub reason: String,
 }
 
+/// "15 rows rejected, 9 of them such as line 8: only 2 of 3 references were seen at this pose"; `None` where there are
+/// none.
+#[must_use]
+pub fn rejected_in_words(rejected: &[Rejected]) -> Option<String> {
+    let mut alike: BTreeMap<String, (usize, &Rejected)> = BTreeMap::new();
+    for r in rejected {
+        // but for their numbers
+        let words = r.reason.chars().filter(|c| !c.is_ascii_digit()).collect();
+        alike.entry(words).or_insert((0, r)).0 += 1;
+    }
+    let (count, commonest) = alike.into_values().max_by_key(|(count, _)| *count)?;
+    Some(match (rejected.len(), count) {
+        (1, _) => format!("1 row rejected: {}", commonest.reason),
+        (n, same) if same == n => format!("{n} rows rejected, such as line {}: {}", commonest.line, commonest.reason),
+        (n, same) => format!("{n} rows rejected, {same} of them such as line {}: {}", commonest.line, commonest.reason),
+    })
+}
+
 /// Where the fixed references of a measuring frame are, m.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct References {
@@ -151,10 +169,11 @@ impl Dataset {
             }
         }
         if this.observations.is_empty() {
+            let why =
+                rejected_in_words(&this.rejected).unwrap_or_else(|| "its rows are of fixed references only".into());
             return Err(IdentError::NotEnough(format!(
-                "{}: no measurement is left to use ({} rows were rejected)",
-                this.names.join(", "),
-                this.rejected.len()
+                "{}: no measurement is left to use ({why})",
+                this.names.join(", ")
             )));
         }
         Ok(this)
@@ -408,5 +427,40 @@ fn move_by(pose: &Pose, measured: &mut Measured) {
             *quaternion = trical_model::pose::quaternion_from_rotation(&r);
         }
         _ => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+
+    #[test]
+    fn the_commonest_reason_is_told_whatever_its_numbers() {
+        let of = |line: usize, reason: &str| Rejected {
+            recording: "a.csv".into(),
+            line,
+            row: line - 1,
+            reason: reason.into(),
+        };
+        let off = |line: usize, mm: f64| of(line, &format!("a reference is {mm:.3} mm off its place"));
+        assert_eq!(rejected_in_words(&[]), None);
+        let one = [off(3, 0.1)];
+        assert_eq!(rejected_in_words(&one).unwrap(), "1 row rejected: a reference is 0.100 mm off its place");
+        let some = [of(2, "gross"), off(3, 0.1), off(7, 0.25)];
+        let said = "3 rows rejected, 2 of them such as line 3: a reference is 0.100 mm off its place";
+        assert_eq!(rejected_in_words(&some).unwrap(), said);
+        assert!(rejected_in_words(&some[1..]).unwrap().starts_with("2 rows rejected, such as line 3: a reference"));
+    }
+
+    #[test]
+    fn rows_of_references_alone_are_told_as_that() {
+        let measured = Measured::Reference { reference: 0, position: [0.0; 3] };
+        let row = |k: usize| Row { state: State::at(&[0.1 * k as f64; 6]), measured, seq: None, line: k + 2 };
+        let recording =
+            Recording { name: "r.csv".into(), joints: 6, rows: (0..3).map(row).collect(), ..Recording::default() };
+        let e = Dataset::build(&[recording], JointSource::Read, None).unwrap_err().to_string();
+        assert_eq!(e, "r.csv: no measurement is left to use (its rows are of fixed references only)");
     }
 }

@@ -6,7 +6,7 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use trical_model::{Cell, Forward, Joint, JointKind, MAX_JOINTS, Measured, Model, Robot};
 
 use crate::ball_places::touched;
-use crate::dataset::{Dataset, Observation};
+use crate::dataset::{Dataset, Observation, rejected_in_words};
 use crate::error::{IdentError, Result};
 use crate::rigid::{median, rigid_from_points};
 
@@ -245,10 +245,11 @@ pub fn hardly_moving(robot: &Robot, data: &Dataset) -> Vec<(usize, f64)> {
 pub fn check_poses(robot: &Robot, data: &Dataset) -> Result<()> {
     if resting_joints(robot, data).len() == robot.dof() {
         return Err(IdentError::NotEnough(format!(
-            "{}: all {} measurements were taken in the same pose (no joint moves by 0.1 deg or 0.1 mm); varied poses are \
-             needed",
+            "{}: all {} measurements were taken in the same pose (no joint moves by 0.1 deg or 0.1 mm){}; varied \
+             poses are needed",
             data.names.join(", "),
-            data.observations.len()
+            data.observations.len(),
+            rejected_in_words(&data.rejected).map_or_else(String::new, |r| format!(", {r}"))
         )));
     }
     Ok(())

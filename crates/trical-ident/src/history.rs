@@ -1,13 +1,12 @@
 //! An arm over the months: every session against one calibration, the trend of the errors, and when to calibrate again.
 
-use std::path::Path;
-
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use trical_model::{Cell, Forward, Recording};
 
 use crate::compare::{Comparison, compare};
 use crate::dataset::JointSource;
+use crate::date::{by_date, day_in};
 use crate::error::{IdentError, Result};
 use crate::fit::position_errors;
 use crate::model_file::ModelFile;
@@ -46,7 +45,8 @@ pub struct Beginning {
 pub struct History {
     /// Recordings that the model was learnt on; they are not compared with it, nor part of the trend.
     pub learnt: Vec<Beginning>,
-    /// Each other session, in the order in which they were given.
+    /// Each other session, in the order of the dates in the names of all; in that in which they were given where some
+    /// have none.
     pub sessions: Vec<Comparison>,
     /// Days of the sessions since the first recording, by dates such as 2026-11-22 in their names; `null` where some have none.
     pub days: Option<Vec<f64>>,
@@ -70,7 +70,8 @@ pub fn history(
 ) -> Result<History> {
     refuse_repeated(recordings)?;
     let is_later = |r: &&Recording| file.session_of(&crate::repeated::fingerprint(r)).is_none();
-    let (later, own): (Vec<&Recording>, Vec<&Recording>) = recordings.iter().partition(is_later);
+    let order = by_date(recordings.iter().map(|r| r.name.as_str())).unwrap_or_else(|| (0..recordings.len()).collect());
+    let (later, own): (Vec<&Recording>, Vec<&Recording>) = order.iter().map(|k| &recordings[*k]).partition(is_later);
     let sessions = later.into_iter().map(|r| compare(cell, file, r, joints)).collect::<Result<Vec<_>>>()?;
     let mut learnt = own.into_iter().map(|r| beginning(cell, file, r, joints)).collect::<Result<Vec<_>>>()?;
     if sessions.is_empty() {
@@ -90,7 +91,7 @@ pub fn history(
 
 /// A recording that the model was learnt on, its day as its name has it.
 fn beginning(cell: &Cell, file: &ModelFile, recording: &Recording, joints: Option<JointSource>) -> Result<Beginning> {
-    let adapted = adapted(file, cell, std::slice::from_ref(recording), joints, None, true)?;
+    let adapted = adapted(file, cell, std::slice::from_ref(recording), joints, None, None)?;
     let errors = position_errors(&Forward::new(adapted.identified()?, Vec::new())?, &adapted.data);
     Ok(Beginning {
         recording: recording.name.clone(),
@@ -98,26 +99,6 @@ fn beginning(cell: &Cell, file: &ModelFile, recording: &Recording, joints: Optio
         mean_mm: mean(&errors) * 1e3,
         temp_c: adapted.data.mean_temp_c(),
         day: day_in(&recording.name),
-    })
-}
-
-/// A date such as 2026-11-22 in the name of a file, whatever its folder is called, in days.
-fn day_in(path: &str) -> Option<f64> {
-    let name = Path::new(path).file_name()?.to_str()?;
-    name.as_bytes().windows(10).find_map(|w| {
-        let text = std::str::from_utf8(w).ok()?;
-        let mut parts = text.split('-');
-        let mut next = |length: usize| {
-            let part = parts.next().filter(|p| p.len() == length && p.bytes().all(|b| b.is_ascii_digit()))?;
-            part.parse::<i64>().ok()
-        };
-        let (year, month, day) = (next(4)?, next(2)?, next(2)?);
-        if !(1..=12).contains(&month) || !(1..=31).contains(&day) {
-            return None;
-        }
-        // days of the civil calendar, years that begin in March
-        let (y, m) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
-        Some((365 * y + y / 4 - y / 100 + y / 400 + (153 * m + 2) / 5 + day) as f64)
     })
 }
 
@@ -193,17 +174,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn dates_in_names_are_days_apart() {
-        let days = |name: &str| day_in(name).unwrap();
-        assert_eq!(days("cell 2026-03-01.csv") - days("runs/2026-02-27-morning.csv"), 2.0);
-        assert_eq!(days("2024-03-01") - days("2024-02-27"), 3.0);
-        assert_eq!(day_in("session3.csv"), None);
-        assert_eq!(day_in("2025-01-01/2026-02-03.csv"), day_in("2026-02-03.csv"));
-        assert_eq!(day_in("2025-01-01/session3.csv"), None);
-        assert_eq!(day_in("2026-13-01.csv"), None);
-    }
-
-    #[test]
     fn a_line_through_growing_errors_is_found_and_one_through_noise_is_not() {
         let x: Vec<f64> = (0..8).map(f64::from).collect();
         let noise = [0.01, -0.02, 0.015, 0.0, -0.01, 0.02, -0.015, 0.005];
@@ -224,6 +194,9 @@ mod tests {
                 verdict,
                 summary: String::new(),
                 doubted: false,
+                setup_of: None,
+                anew: Vec::new(),
+                rejected: Vec::new(),
                 changes: Vec::new(),
                 visible: Vec::new(),
                 mean_mm,

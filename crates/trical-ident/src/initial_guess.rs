@@ -85,7 +85,7 @@ fn guess(model: &mut Model, data: &Dataset, arm: Vec<Term>) -> Result<()> {
         let tcp = ball_places::tool_by_pivoting(model, data, &forward, &points[0][0]);
         points.iter_mut().for_each(|of| of[0] = tcp);
     }
-    let frames = frames_and_points(&sights, data, &mut points)?;
+    let frames = frames_and_points(&sights, data, &mut points, &still.tool.rotation)?;
     let turned = |tool| tool_rotation(&sights, &frames, tool).unwrap_or(still.tool.rotation);
     let rotations: Vec<Matrix3<f64>> = (0..points.len()).map(turned).collect();
     let mut world_from_base = still.world_from_base;
@@ -155,7 +155,12 @@ fn lengths(model: &Model, data: &Dataset, forward: &Forward) -> Vec<Length> {
 }
 
 /// Each measuring frame, and behind them {w}, from the base, in turn with the points of each tool.
-fn frames_and_points(sights: &[Sight], data: &Dataset, points: &mut [Vec<Vector3<f64>>]) -> Result<Vec<Option<Pose>>> {
+fn frames_and_points(
+    sights: &[Sight],
+    data: &Dataset,
+    points: &mut [Vec<Vector3<f64>>],
+    tool: &Matrix3<f64>,
+) -> Result<Vec<Option<Pose>>> {
     let mut frames: Vec<Option<Pose>> = vec![None; data.frames() + 1];
     let slot = |s: &Sight| s.frame.unwrap_or(data.frames());
     for _ in 0..TURNS {
@@ -168,13 +173,9 @@ fn frames_and_points(sights: &[Sight], data: &Dataset, points: &mut [Vec<Vector3
             if pairs.is_empty() {
                 continue;
             }
-            *frame = Some(robust_rigid_from_points(&pairs).ok_or_else(|| {
-                IdentError::NotEnough(format!(
-                    "{}: {} measured points do not fix a frame; at least three that are not on one line are needed",
-                    data.names.join(", "),
-                    pairs.len()
-                ))
-            })?);
+            let here = sights.iter().filter(|s| slot(s) == f);
+            let found = robust_rigid_from_points(&pairs).or_else(|| frame_by_directions(here, &pairs, tool));
+            *frame = Some(found.ok_or_else(|| no_frame(data, pairs.len()))?);
         }
         let mut moved = 0.0_f64;
         let all =
@@ -200,6 +201,35 @@ fn frames_and_points(sights: &[Sight], data: &Dataset, points: &mut [Vec<Vector3
         }
     }
     Ok(frames)
+}
+
+/// A frame from the base where the points are too few or on one line: turned as the poses say if the tool sits on the
+/// flange as `tool` does. `None` where no pose was measured.
+fn frame_by_directions<'a>(
+    sights: impl Iterator<Item = &'a Sight>,
+    pairs: &[(Vector3<f64>, Vector3<f64>)],
+    tool: &Matrix3<f64>,
+) -> Option<Pose> {
+    let turned = |s: &Sight| Some(s.orientation? * (s.base_from_flange.rotation * tool).transpose());
+    let all: Vec<Matrix3<f64>> = sights.filter_map(turned).collect();
+    let sum = all.iter().sum::<Matrix3<f64>>();
+    let rotation = nearest_rotation(&sum);
+    let translation = median_point(&pairs.iter().map(|(seen, in_base)| seen - rotation * in_base).collect::<Vec<_>>());
+    (!all.is_empty()).then_some(Pose { rotation, translation })
+}
+
+fn no_frame(data: &Dataset, points: usize) -> IdentError {
+    let do_not = if points == 1 { "1 measured point does not" } else { &format!("{points} measured points do not") };
+    let fitted = data.used_poses().len();
+    let of = if fitted < data.poses {
+        format!(" (fitted: {fitted} of its {} poses, the others are scored)", data.poses)
+    } else {
+        String::new()
+    };
+    IdentError::NotEnough(format!(
+        "{}: {do_not} fix a frame{of}; at least three that are not on one line, or a full pose, are needed",
+        data.names.join(", ")
+    ))
 }
 
 /// How a tool is turned on the flange, by poses; `None` where none was measured.

@@ -27,6 +27,7 @@ pub mod calibration;
 pub mod caution;
 pub mod compare;
 pub mod dataset;
+mod date;
 pub mod degenerate;
 pub mod error;
 pub mod fit;
@@ -66,7 +67,7 @@ pub use calibration::{
 };
 pub use caution::cautions;
 pub use compare::{Comparison, compare};
-pub use dataset::{Dataset, JointSource, Observation, References, Rejected};
+pub use dataset::{Dataset, JointSource, Observation, References, Rejected, rejected_in_words};
 pub use error::{IdentError, Result};
 pub use gross::reject_gross_errors;
 pub use history::{History, history};

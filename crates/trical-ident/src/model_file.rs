@@ -89,6 +89,15 @@ fn of_course(fitted: &Identified) -> Result<f64> {
 /// Beyond so many terms their correlation is not kept: the file would be longer than many recordings.
 const CORRELATED: usize = 1000;
 
+impl ModelFile {
+    /// Whether a fit has identified something at such a site in all sessions; of a model that no fit made everything is
+    /// taken as it stands.
+    pub(crate) fn identified(&self, such: impl Fn(&Site) -> bool) -> bool {
+        let mut fitted = self.model.terms.iter().filter(|t| t.sd.is_some()).peekable();
+        fitted.peek().is_none() || fitted.any(|t| t.basis.is_constant() && such(&t.site))
+    }
+}
+
 /// A recording that a model was learnt on.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Session {

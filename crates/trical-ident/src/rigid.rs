@@ -3,6 +3,18 @@
 use nalgebra::{Matrix3, Vector3};
 use trical_model::Pose;
 
+/// How far points moved, root mean square over the points: `parts` are components, each with what tells its point.
+pub(crate) fn moved<P: PartialEq>(parts: impl Iterator<Item = (P, f64)>) -> f64 {
+    let (mut points, mut square) = (Vec::new(), 0.0);
+    for (point, value) in parts {
+        square += value * value;
+        if !points.contains(&point) {
+            points.push(point);
+        }
+    }
+    (square / points.len().max(1) as f64).sqrt()
+}
+
 /// The rotation nearest to `m` (in the Frobenius norm, proper).
 #[must_use]
 pub fn nearest_rotation(m: &Matrix3<f64>) -> Matrix3<f64> {

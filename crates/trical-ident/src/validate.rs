@@ -5,7 +5,7 @@
 //! others are scored, or it is taken as the model has it.
 
 use trical_model::{
-    Basis, Cell, Forward, JointKind, Measured, Model, Motion, Pose, Recording, Robot, Scope, Site, Support, Term,
+    Basis, Cell, Forward, JointKind, Measured, Model, Motion, Pose, Recording, Robot, Scope, Shape, Site, Support, Term,
 };
 
 use crate::ball_places::{self, place_of, training_poses};
@@ -181,6 +181,10 @@ struct Place {
     /// Measuring frame of the model (from 0), and whether that is new.
     frame: Option<(usize, bool)>,
     refit: Refit,
+    /// Points of the tool that are identified, the whole of it with [`Refit::targets`].
+    own: Vec<Site>,
+    /// Terms of a session of the model that hold here too.
+    carried: Vec<Term>,
 }
 
 /// Scores a model on recordings. With `refit`, frame and targets of each recording are identified again from every fourth of its poses, and
@@ -197,7 +201,7 @@ pub fn validate(
     refit: Option<Refit>,
 ) -> Result<Validation> {
     let Adapted { mut model, data, places, left_out, carried_over, known, joints } =
-        adapted(file, cell, recordings, joints, refit, false)?;
+        adapted(file, cell, recordings, joints, refit, None)?;
     let rejected = data.rejected.clone();
     let poses: Vec<Vec<usize>> =
         (0..recordings.len()).map(|r| data.filtered(|o| o.recording == r).used_poses()).collect();
@@ -294,19 +298,26 @@ impl Adapted {
     }
 }
 
-/// The model of `file` made ready for `recordings`; with `same_tool` it keeps its tool and targets whatever else is new.
+/// The model of `file` made ready for `recordings`. With `setup_of` those that it was not fitted to have the tool and
+/// the balls of that session (from 1), whatever else is new. A tool that no fit has identified is identified in any
+/// case.
 pub(crate) fn adapted(
     file: &ModelFile,
     cell: &Cell,
     recordings: &[Recording],
     joints: Option<JointSource>,
     refit: Option<Refit>,
-    same_tool: bool,
+    setup_of: Option<u32>,
 ) -> Result<Adapted> {
     let joints = joints.unwrap_or(file.joints);
     let fingerprints: Vec<String> = recordings.iter().map(crate::repeated::fingerprint).collect();
     let mut places = places(file, cell, recordings, &fingerprints, refit);
-    places.iter_mut().for_each(|p| p.refit.targets &= !same_tool);
+    for (place, recording) in places.iter_mut().zip(recordings) {
+        place.refit.targets &= setup_of.is_none();
+        place.own = own_tool(file, recording, place);
+        place.refit.targets |= !place.own.is_empty();
+        place.carried = carried(file, place, setup_of);
+    }
     let framed = places.iter().filter_map(|p| p.frame);
     let known: Vec<References> = framed
         .map(
@@ -319,19 +330,16 @@ pub(crate) fn adapted(
     data = data.in_sessions(&places.iter().map(|p| Some(p.session)).collect::<Vec<_>>());
 
     let mut model = file.model.clone();
-    let mut carried_over = Vec::new();
-    // of several sessions, what they share is not the end of one
-    if file.sessions.len() == 1 && places.iter().all(|p| p.learnt.is_none()) {
-        for t in &mut model.terms {
-            if let Some(after) = t.after_its_session() {
-                if !carried_over.contains(&t.effect) {
-                    carried_over.push(t.effect.clone());
-                }
-                *t = after;
-            }
-        }
-    }
     let left_out = leave_out(&mut model, &data, &places);
+    let mut carried_over = Vec::new();
+    for t in places.iter().flat_map(|p| &p.carried) {
+        // not what a session always had
+        let jumped = file.model.terms.iter().any(|of| of.name == t.name && of.after_its_session().is_some());
+        if jumped && !carried_over.contains(&t.effect) {
+            carried_over.push(t.effect.clone());
+        }
+        model.terms.push(t.clone());
+    }
     data.in_frames(&places.iter().map(|p| p.frame.map(|f| f.0)).collect::<Vec<_>>(), model.frames.len());
     for place in &places {
         add_own(&mut model, cell, &data, place);
@@ -348,7 +356,9 @@ pub(crate) fn score_session(model: &Model, data: &Dataset) -> Result<Vec<f64>> {
     let Some(first) = data.observations.first() else { return Ok(Vec::new()) };
     let session = first.state.session.unwrap_or(1);
     let framed = first.measured.is_framed();
-    let place = Place { learnt: None, session, frame: framed.then_some((first.frame, true)), refit: Refit::ALL };
+    let measured = data.observations.iter().map(|o| o.measured);
+    let (frame, own) = (framed.then_some((first.frame, true)), tool_sites(&model.cell, measured));
+    let place = Place { learnt: None, session, frame, refit: Refit::ALL, own, carried: Vec::new() };
     let mut model = model.clone();
     model.terms.retain(|t| t.basis.session.is_none_or(|own| own == session));
     leave_out(&mut model, data, std::slice::from_ref(&place));
@@ -397,7 +407,8 @@ fn places(
             }
             // where sockets stood in another session is never known
             let touched = recording.rows.iter().any(|r| matches!(r.measured, Measured::Touch { .. }));
-            if touched && learnt.is_none() && (!recording.places.is_empty() || !cell.balls_fix_base(|_| true)) {
+            let unplaced = !recording.places.is_empty() || !cell.balls_fix_base(|_| true);
+            if touched && learnt.is_none() && (unplaced || !file.identified(|s| matches!(s, Site::Base(_)))) {
                 asked.frame = true;
             }
             let new_frame = framed(recording) && (asked.frame || known_frame.is_none());
@@ -411,37 +422,93 @@ fn places(
                 next_session += 1;
                 u32::try_from(next_session).unwrap_or(u32::MAX)
             });
-            Place { learnt, session, frame, refit: asked }
+            Place { learnt, session, frame, refit: asked, own: Vec::new(), carried: Vec::new() }
         })
         .collect()
 }
 
+/// What measurements tell of the tool: its TCP, with poses its direction, its targets.
+fn tool_sites(cell: &Cell, measured: impl Iterator<Item = Measured>) -> Vec<Site> {
+    let measured: Vec<Measured> = measured.collect();
+    let any = |f: &dyn Fn(&Measured) -> bool| measured.iter().any(f);
+    let pose = any(&|m| matches!(m, Measured::Pose { .. }));
+    let tcp = pose || any(&|m| matches!(m, Measured::Touch { .. } | Measured::Distance { .. }));
+    let motions = &Motion::ALL[..if pose { 6 } else { 3 }];
+    let mut out: Vec<Site> = motions.iter().filter(|_| tcp).map(|m| Site::Tool(*m)).collect();
+    for target in 1..=cell.tool.targets.len() {
+        if any(&|m| matches!(m, Measured::Point { target: t, .. } if *t + 1 == target)) {
+            out.extend(trical_model::Axis::ALL.map(|axis| Site::Target { target, axis }));
+        }
+    }
+    out
+}
+
+/// What is to be identified of the tool of a recording: all of it where that is asked for, else what the model does not
+/// know.
+fn own_tool(file: &ModelFile, recording: &Recording, place: &Place) -> Vec<Site> {
+    let mut sites = tool_sites(&file.model.cell, recording.rows.iter().map(|r| r.measured));
+    let alike = |a: &Site, b: &Site| match (a, b) {
+        (Site::Tool(Motion::Along(_)), Site::Tool(Motion::Along(_)))
+        | (Site::Tool(Motion::About(_)), Site::Tool(Motion::About(_))) => true,
+        (Site::Target { target: a, .. }, Site::Target { target: b, .. }) => a == b,
+        _ => false,
+    };
+    sites.retain(|s| place.refit.targets || (place.learnt.is_none() && !file.identified(|known| alike(s, known))));
+    sites
+}
+
+/// Terms of a session of the model as they hold in another one: jumps of the setup in the course of the only session
+/// (or of `setup_of`), and with `setup_of` the tool and the balls of that session. What is identified anew is not taken
+/// from elsewhere.
+fn carried(file: &ModelFile, place: &Place, setup_of: Option<u32>) -> Vec<Term> {
+    let anew = |t: &Term| match t.site {
+        Site::Tool(_) | Site::Target { .. } => place.own.contains(&t.site),
+        Site::Fixture(_) => place.refit.frame,
+        Site::Frame { frame, .. } => place.frame != Some((frame - 1, false)),
+        _ => false,
+    };
+    let carry = |t: &Term| {
+        let only = file.sessions.len() == 1;
+        let there = setup_of.is_some() && t.basis.session == setup_of;
+        let setup = there && t.basis.place.is_none() && t.scope() == Scope::Setup && t.basis.shape == Shape::One;
+        // of several sessions, what they share is not the end of one
+        let kept = if setup { Some(t.clone()) } else { t.after_its_session().filter(|_| only || there) };
+        kept.filter(|t| !anew(t)).map(|t| Term { basis: t.basis.in_session(place.session), ..t })
+    };
+    if place.learnt.is_some() { Vec::new() } else { file.model.terms.iter().filter_map(carry).collect() }
+}
+
 /// Takes out of the model what says nothing of these recordings: what happened in the course of another session, and what needs something
-/// that they do not have.
+/// that they do not have. What one of them lacks and another has stays.
 fn leave_out(model: &mut Model, data: &Dataset, places: &[Place]) -> Vec<LeftOut> {
     let mut out = Vec::new();
     model.terms.retain(|t| {
-        let elsewhere = match t.basis.session {
-            Some(own) => places.iter().all(|p| p.session != own),
+        let is_elsewhere = |p: &Place| match t.basis.session {
+            Some(own) => p.session != own,
             // a model file of before there were sessions
             None => t.scope() == Scope::Course && places.iter().all(|p| p.learnt.is_none()),
         };
+        let lacks = |p: &Place| p.learnt.is_none() && is_elsewhere(p) && !p.carried.iter().any(|c| c.name == t.name);
         let needs = || data.observations.iter().find_map(|o| t.basis.missing(&o.state, &o.measured));
-        let reason = if elsewhere {
-            match t.scope() {
-                Scope::Course => Some("happened in the course of another session".to_owned()),
-                _ => Some("belongs to another session".to_owned()),
-            }
-        } else if matches!(t.basis.of, trical_model::Variable::Reading { .. }) {
+        let elsewhere = places.iter().all(is_elsewhere);
+        let reason = if places.iter().any(lacks) {
+            let of = match t.scope() {
+                Scope::Course => "happened in the course of another session",
+                _ => "belongs to another session",
+            };
+            let here = places.iter().zip(&data.names).filter(|(p, _)| lacks(p)).map(|(_, name)| name.as_str());
+            let of_some = || format!("in {}: {of}", here.collect::<Vec<_>>().join(", "));
+            Some(if elsewhere { of.to_owned() } else { of_some() })
+        } else if elsewhere || matches!(t.basis.of, trical_model::Variable::Reading { .. }) {
             None
         } else {
             needs().map(|what| format!("needs {what}, which these recordings do not have"))
         };
+        let needed = reason.as_ref().is_some_and(|r| r.starts_with("needs"));
         if let Some(reason) = reason {
             out.push(LeftOut { term: t.name.clone(), effect: t.effect.clone(), reason });
-            return false;
         }
-        true
+        !elsewhere && !needed
     });
     out
 }
@@ -465,21 +532,13 @@ fn add_own(model: &mut Model, cell: &Cell, data: &Dataset, place: &Place) {
             add(format!("balls_{}_s{}", m.name(), place.session), "balls", Site::Fixture(m));
         }
     }
-    if place.refit.targets {
-        let pose = any(&|m| matches!(m, Measured::Pose { .. }));
-        if pose || any(&|m| matches!(m, Measured::Touch { .. } | Measured::Distance { .. })) {
-            for m in &Motion::ALL[..if pose { 6 } else { 3 }] {
-                add(format!("tool_{}_s{}", m.name(), place.session), "tool", Site::Tool(*m));
-            }
-        }
-        for target in 1..=cell.tool.targets.len() {
-            if any(&|m| matches!(m, Measured::Point { target: t, .. } if *t + 1 == target)) {
-                for axis in trical_model::Axis::ALL {
-                    let name = format!("target{target}_{}_s{}", axis.name(), place.session);
-                    add(name, "target", Site::Target { target, axis });
-                }
-            }
-        }
+    for site in &place.own {
+        let (name, effect) = match site {
+            Site::Target { target, axis } => (format!("target{target}_{}", axis.name()), "target"),
+            Site::Tool(m) => (format!("tool_{}", m.name()), "tool"),
+            _ => continue,
+        };
+        add(format!("{name}_s{}", place.session), effect, *site);
     }
     if place.refit.frame {
         for t in unknown_here.flat_map(|p| ball_places::terms(cell, data, p)) {
@@ -514,7 +573,8 @@ fn own_terms(model: &Model, train: &Dataset, places: &[Place]) -> Vec<usize> {
     (0..model.terms.len())
         .filter(|k| {
             let t = &model.terms[*k];
-            (own(t) && !matches!(t.site, Site::Payload(_)) && t.scope() == Scope::Setup)
+            let carried = places.iter().any(|p| p.carried.contains(t));
+            (own(t) && !carried && !matches!(t.site, Site::Payload(_)) && t.scope() == Scope::Setup)
                 || (base && t.basis.is_constant() && matches!(t.site, Site::Base(_)))
         })
         .collect()

@@ -3,6 +3,8 @@
 use trical_ident::{Comparison, ModelFile, Options, ParameterSet, calibrate, compare, history};
 use trical_model::{Axis, Basis, Model, Motion, Recording, Scope, Site, Task, Term};
 
+use crate::sessions;
+
 /// Standard deviation of each coordinate, m.
 const NOISE: f64 = 1e-5;
 
@@ -101,6 +103,132 @@ fn a_change_beside_a_calibration_that_left_much_is_told_with_that() {
     assert!(!c.changes.is_empty() && !c.summary.contains("itself left"), "{}", c.summary);
 }
 
+/// A tracker's calibration of an arm with three targets on its tool.
+fn tracked(truth: &Model, sessions: &[Recording]) -> ModelFile {
+    let c = calibrate(&truth.robot, &truth.cell, sessions, &Options::new(ParameterSet::Compliance), &Task::silent())
+        .unwrap();
+    ModelFile::of_fit(&c.fitted)
+}
+
+#[test]
+fn a_tool_with_three_targets_changed_by_as_much_as_each_of_them_and_so_much_is_called_visible() {
+    let truth = sessions::truth();
+    let file = tracked(&truth, &[sessions::seen(&truth, 1, [0.0; 3])]);
+    let shifted = |mm: f64| {
+        let off = [2.0, -1.0, 2.0].map(|x| x / 3.0 * mm * 1e-3);
+        compare(&truth.cell, &file, &sessions::seen(&truth, 2, off), None).unwrap()
+    };
+    let c = shifted(3.0);
+    assert_eq!((c.verdict, c.changes[0].what.as_str()), ("setup changed", "tool"));
+    assert!(
+        c.summary.starts_with("Tool changed by 3.0") || c.summary.starts_with("Tool changed by 2.9"),
+        "{}",
+        c.summary
+    );
+    let visible = c.visible.iter().find(|v| v.what == "tool").and_then(|v| v.smallest).unwrap();
+    assert!(visible < 0.3, "{visible}");
+    assert_eq!(shifted(1.2 * visible).verdict, "setup changed");
+    assert_eq!(shifted(0.3 * visible).verdict, "unchanged");
+}
+
+/// Targets at one pose say where a new frame is, whatever the tool is like.
+#[test]
+fn what_a_new_frame_takes_up_whole_is_not_called_visible() {
+    let truth = sessions::truth();
+    let file = tracked(&truth, &[sessions::seen(&truth, 1, [0.0; 3])]);
+    let mut one = sessions::seen(&truth, 2, [0.0; 3]);
+    let pose = one.rows[0];
+    let mut forward = truth.clone();
+    forward.frames = vec![trical_model::Pose::identity()];
+    let aims: Vec<_> = (0..3).map(|target| (pose.state, trical_ident::Aim::Target(target))).collect();
+    let scatter = trical_ident::Scatter { length: NOISE, angle: 0.0, seed: 3 };
+    one.rows = trical_ident::simulate(&forward, &aims, &scatter, None).unwrap().rows;
+    let c = compare(&truth.cell, &file, &one, None).unwrap();
+    assert!(c.visible.iter().all(|v| v.smallest.is_none()), "{:?}", c.visible);
+    assert_eq!(c.verdict, "nothing visible");
+    assert_eq!(c.summary, "Nothing can be seen in these 3 measurements: they would show no change.");
+}
+
+/// What a calibration from touches never saw of the tool, and one by a tracker of the base, is not known to it.
+#[test]
+fn what_the_calibration_never_identified_is_identified_anew_and_not_told_as_changed() {
+    let truth = sessions::truth();
+    let mut elsewhere = truth.clone();
+    elsewhere.cell.tool.targets.iter_mut().for_each(|t| t.x += 2e-3);
+    let by_touch = calibrated(&truth);
+    let c = compare(&truth.cell, &by_touch, &sessions::seen(&elsewhere, 2, [0.0; 3]), None).unwrap();
+    assert_eq!((c.verdict, c.anew.as_slice()), ("unchanged", &["tool"][..]), "{}", c.summary);
+    assert!(
+        c.summary.contains("A change of the tool cannot be seen: the calibration does not know it"),
+        "{}",
+        c.summary
+    );
+    assert!(c.visible.iter().any(|v| v.what == "tool" && v.smallest.is_none()), "{:?}", c.visible);
+    // and the other way round
+    let by_tracker = tracked(&truth, &[sessions::seen(&truth, 1, [0.0; 3])]);
+    let moved = later(&truth, Some((Site::Base(Motion::Along(Axis::Y)), 5e-3)), "new.csv", 99);
+    let c = compare(&truth.cell, &by_tracker, &moved, None).unwrap();
+    assert_eq!((c.verdict, c.anew.as_slice()), ("unchanged", &["tool", "base"][..]), "{}", c.summary);
+    assert!(c.visible.iter().all(|v| v.what != "base"), "{:?}", c.visible);
+}
+
+#[test]
+fn of_several_sessions_the_tool_of_the_newest_is_the_one_that_was_left() {
+    let truth = truth();
+    let on = |off: f64, name: &str, count: usize, seed: u64| {
+        let mut arm = truth.clone();
+        arm.cell.tool.tcp.x += off;
+        Recording { name: name.into(), ..crate::arm::touch(&arm, count, NOISE, seed) }
+    };
+    // by its date, not by its place
+    let sessions = [on(1e-3, "b 2026-02-01.csv", 90, 1), on(0.0, "a 2026-01-01.csv", 90, 2)];
+    let file = tracked(&truth, &sessions);
+    let c = compare(&truth.cell, &file, &on(1e-3, "new.csv", 10, 3), None).unwrap();
+    assert_eq!((c.verdict, c.setup_of.as_deref()), ("unchanged", Some("b 2026-02-01.csv")), "{}", c.summary);
+    assert!(
+        c.summary.ends_with("at the end of b 2026-02-01.csv, the newest recording that the calibration was fitted to.")
+    );
+    let c = compare(&truth.cell, &file, &on(0.0, "new.csv", 10, 3), None).unwrap();
+    assert_eq!(c.changes[0].what, "tool");
+    // without dates the last one
+    let undated = [on(0.0, "a.csv", 90, 2), on(1e-3, "b.csv", 90, 1)];
+    let c = compare(&truth.cell, &tracked(&truth, &undated), &on(1e-3, "new.csv", 10, 3), None).unwrap();
+    assert_eq!((c.verdict, c.setup_of.as_deref()), ("unchanged", Some("b.csv")), "{}", c.summary);
+}
+
+#[test]
+fn an_arm_that_differs_in_many_joints_may_be_another_one() {
+    let truth = truth();
+    let mut other = truth.clone();
+    for joint in 1..=6 {
+        let mut term = Term::new(format!("zero_{joint}"), "change", Site::Joint { joint }, Basis::CONSTANT);
+        term.value = [0.5_f64, -0.4, 0.6, -0.8, 0.7, 1.0][joint - 1].to_radians();
+        other.terms.push(term);
+    }
+    let recording = Recording { name: "other.csv".into(), ..crate::arm::touch(&other, 40, NOISE, 3) };
+    let c = compare(&truth.cell, &calibrated(&truth), &recording, None).unwrap();
+    assert!(c.summary.contains("may be another arm of the same kind"), "{}", c.summary);
+}
+
+#[test]
+fn a_tool_that_was_turned_is_told_with_its_angle() {
+    let truth = sessions::truth();
+    let posed = |turn: f64, session: u64| {
+        let mut arm = truth.clone();
+        arm.cell.tool.rotation *= trical_model::pose::rotation_x(turn.to_radians());
+        arm.frames = vec![trical_model::Pose::identity()];
+        let rows = sessions::seen(&truth, session, [0.0; 3]).rows;
+        let aims: Vec<_> = rows.iter().step_by(2).map(|r| (r.state, trical_ident::Aim::Pose)).collect();
+        let scatter = trical_ident::Scatter { length: NOISE, angle: 4.0 * NOISE, seed: session };
+        let made = trical_ident::simulate(&arm, &aims, &scatter, None).unwrap();
+        Recording { name: format!("poses{session}.csv"), ..made }
+    };
+    let c = compare(&truth.cell, &tracked(&truth, &[posed(0.0, 1)]), &posed(1.0, 2), None).unwrap();
+    assert!(c.summary.starts_with("Tool changed by 0.0") && c.summary.contains(" mm and 1.00"), "{}", c.summary);
+    let of_tool: Vec<&str> = c.visible.iter().filter(|v| v.what == "tool").map(|v| v.unit.as_str()).collect();
+    assert_eq!(of_tool, ["mm", "deg"]);
+}
+
 #[test]
 fn one_wrong_touch_is_told_as_that() {
     let truth = truth();
@@ -145,6 +273,18 @@ fn months_of_growing_errors_say_when_the_next_calibration_is_due() {
     );
     let h = history(&truth.cell, &file, &sessions[..4], None, Some(0.01)).unwrap();
     assert!(h.due.starts_with("The next calibration is due now: the mean error is"), "{}", h.due);
+}
+
+#[test]
+fn dates_in_the_names_say_which_session_was_first() {
+    let truth = truth();
+    let file = calibrated(&truth);
+    let of = |name: &str, seed| later(&truth, None, name, seed);
+    let sessions = [of("u 2026-03-01.csv", 1), of("v 2026-01-31.csv", 2), of("w 2026-02-01.csv", 3)];
+    let h = history(&truth.cell, &file, &sessions, None, None).unwrap();
+    let names: Vec<&str> = h.sessions.iter().map(|s| s.recording.as_str()).collect();
+    assert_eq!(names, ["v 2026-01-31.csv", "w 2026-02-01.csv", "u 2026-03-01.csv"]);
+    assert_eq!(h.days, Some(vec![0.0, 1.0, 29.0]));
 }
 
 #[test]

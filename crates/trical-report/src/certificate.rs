@@ -22,16 +22,22 @@ struct Column<'a> {
     errors: &'a [f64],
 }
 
-/// Of a validation: errors of a model file on recordings.
+/// Of a validation: errors of a model file on recordings, of those that it was not fitted to where there are any.
 ///
 /// # Errors
 /// A model that cannot be evaluated.
 pub fn of_validation(v: &Validation, made: &Made) -> Result<String> {
-    let (before, after): (Vec<f64>, Vec<f64>) = v.errors.iter().copied().unzip();
+    let others = v.sessions.iter().any(|s| s.learnt.is_none());
+    let counts = |recording: usize| !others || v.sessions.get(recording).is_none_or(|s| s.learnt.is_none());
+    let some = v.errors.iter().zip(&v.data.observations).filter(|(_, o)| counts(o.recording)).map(|(e, _)| *e);
+    let (before, after): (Vec<f64>, Vec<f64>) = some.unzip();
+    let [nominal, data] = [&v.nominal.1, &v.data].map(|data| data.filtered(|o| counts(o.recording)));
+    let names = v.sessions.iter().enumerate().filter(|(k, _)| counts(*k)).map(|(_, s)| s.recording.as_str());
+    let names: Vec<&str> = names.collect();
     render(
-        &Column { model: &v.nominal.0, data: &v.nominal.1, errors: &before },
-        &Column { model: &v.model, data: &v.data, errors: &after },
-        v.rejected.len(),
+        &Column { model: &v.nominal.0, data: &nominal, errors: &before },
+        &Column { model: &v.model, data: &data, errors: &after },
+        (&names, v.rejected.iter().filter(|r| names.contains(&r.recording.as_str())).count()),
         None,
         notes_of(v),
         made,
@@ -41,8 +47,11 @@ pub fn of_validation(v: &Validation, made: &Made) -> Result<String> {
 /// What the reader has to know of a validation: what the model was fitted to, what was identified anew, what it extrapolates.
 fn notes_of(v: &Validation) -> Vec<String> {
     let mut notes = cautions(v);
-    if v.sessions.iter().all(|s| s.learnt.is_none()) {
+    let learnt: Vec<&str> = v.sessions.iter().filter(|s| s.learnt.is_some()).map(|s| s.recording.as_str()).collect();
+    if learnt.is_empty() {
         notes.push("The model was not fitted to these recordings.".into());
+    } else if learnt.len() < v.sessions.len() {
+        notes.push(format!("The numbers above are without {}, which the model was fitted to.", learnt.join(", ")));
     }
     notes.extend(v.sessions.iter().filter(|s| !s.refitted.is_empty()).map(|s| format!("{}.", s.in_words())));
     notes.extend(v.beyond_in_words());
@@ -69,7 +78,7 @@ pub fn of_calibration(c: &Calibration, made: &Made) -> Result<String> {
     render(
         &Column { model: &c.nominal, data: &c.fitted.data, errors: &c.each_before },
         &Column { model: &c.fitted.model, data: &c.fitted.data, errors: &after },
-        c.rejected,
+        (&c.fitted.data.names.iter().map(String::as_str).collect::<Vec<_>>(), c.rejected),
         Some(&ModelFile::of_fit(&c.fitted)),
         notes,
         made,
@@ -128,7 +137,7 @@ fn numbers(before: &Column<'_>, after: &Column<'_>) -> Result<(Vec<Vec<String>>,
 fn render(
     before: &Column<'_>,
     after: &Column<'_>,
-    rejected: usize,
+    (recordings, rejected): (&[&str], usize),
     file: Option<&ModelFile>,
     mut notes: Vec<String>,
     made: &Made,
@@ -161,7 +170,7 @@ fn render(
         ("Instrument", instrument(after.data)),
         ("Date of measurement", BY_HAND.into()),
         ("Temperature", temperature(after.data)),
-        ("Recordings", after.data.names.join(", ")),
+        ("Recordings", recordings.join(", ")),
         (
             "Measurements",
             format!("{} at {} poses; {rejected} rejected", after.errors.len(), after.data.used_poses().len()),
@@ -224,7 +233,7 @@ mod tests {
             |k: u8| [0, 1, 2].map(|target| (pose(k), Measured::Point { target, position: [0.1, 0.2, f64::from(k)] }));
         let data = data(&[(0..4).flat_map(points).collect()]);
         let column = || Column { model: &model, data: &data, errors: &[1e-3; 12] };
-        let page = render(&column(), &column(), 0, None, Vec::new(), &Made::by("x".into(), &[])).unwrap();
+        let page = render(&column(), &column(), (&[], 0), None, Vec::new(), &Made::by("x".into(), &[])).unwrap();
         assert!(page.contains("12 at 4 poses"), "{page}");
         assert!(
             page.contains("here 12 places (each point of the tool at each pose is one) were visited once each"),
@@ -232,7 +241,7 @@ mod tests {
         );
         let touches = data_of_touches();
         let column = || Column { model: &model, data: &touches, errors: &[1e-3; 4] };
-        let page = render(&column(), &column(), 0, None, Vec::new(), &Made::by("x".into(), &[])).unwrap();
+        let page = render(&column(), &column(), (&[], 0), None, Vec::new(), &Made::by("x".into(), &[])).unwrap();
         assert!(page.contains("here 4 poses were visited once each"), "{page}");
     }
 
@@ -251,6 +260,24 @@ mod tests {
         assert!(notes.len() == 3 && notes[2].starts_with("2 of 4 measurements are "), "{notes:?}");
         // what is worse than nothing is not to be used
         assert!(notes_of(&validation(1.0, 1.5))[0].contains("do not use it here"));
+    }
+
+    #[test]
+    fn beside_other_recordings_those_of_the_fit_are_not_certified() {
+        let mut v = validation(1.0, 0.5);
+        let touch = Measured::Touch { ball: 0, reading: [0.0; 3] };
+        let two = data(&[(0..4).map(|k| (pose(k), touch)).collect(), (4..8).map(|k| (pose(k), touch)).collect()]);
+        v.errors.extend([(1e-3, 2e-3); 4]);
+        (v.data, v.nominal.1) = (two.clone(), two);
+        let other = trical_ident::SessionErrors { recording: "r1.csv".into(), ..v.sessions[0].clone() };
+        v.sessions.push(other);
+        v.sessions[0].learnt = Some(1);
+        let page = of_validation(&v, &Made::by("x".into(), &[])).unwrap().replace('\u{a0}', " ");
+        assert!(page.contains("errs by 2.000 mm on average; the nominal arm by 1.000 mm"), "{page}");
+        assert!(
+            page.contains("without r0.csv, which the model was fitted to") && page.contains("4 at 4 poses"),
+            "{page}"
+        );
     }
 
     #[test]

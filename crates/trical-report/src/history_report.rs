@@ -2,7 +2,7 @@
 
 use trical_ident::compare::Change;
 use trical_ident::history::Beginning;
-use trical_ident::{History, ModelFile};
+use trical_ident::{Comparison, History, ModelFile, rejected_in_words};
 use trical_model::Scope;
 
 use crate::error::Result;
@@ -59,18 +59,37 @@ pub fn render(h: &History, file: &ModelFile, made: Made) -> Result<String> {
             }])
             .with_figures(figures),
     );
-    let changed = h.sessions.iter().filter(|s| !s.changes.is_empty());
-    let told: Vec<String> = changed.map(|s| format!("{}: {}", s.recording, s.summary)).collect();
+    let told = told(h);
     if !told.is_empty() {
-        sections.insert(1, Section { list: told, ..Section::new("What changed") });
+        sections.insert(1, Section { list: told, ..Section::new("What changed, and what was rejected") });
     }
     let title = format!("History of {}", file.model.robot.name);
     page::render(&title, &h.due, &sections, &made)
 }
 
-/// "joint 3"; of a touch that is wrong, that it is.
-pub fn changed(change: &Change) -> String {
-    if change.scope == Scope::Reading { format!("{} is wrong", change.what) } else { change.what.clone() }
+/// "joint 3, tool"; of a touch that is wrong, that it is.
+#[must_use]
+pub fn what_changed(session: &Comparison) -> String {
+    let changed = |c: &Change| if c.scope == Scope::Reading { format!("{} is wrong", c.what) } else { c.what.clone() };
+    let all: Vec<String> = session.changes.iter().map(changed).collect();
+    match (all.is_empty(), session.verdict) {
+        (false, _) => all.join(", "),
+        (_, "nothing visible") => "(would show nothing)".into(),
+        _ => "nothing".into(),
+    }
+}
+
+/// A line for each session of which there is more to say than the table does: what changed, and which rows were
+/// rejected.
+#[must_use]
+pub fn told(h: &History) -> Vec<String> {
+    let line = |s: &Comparison| {
+        let rejected = rejected_in_words(&s.rejected).map(|r| format!("{r}."));
+        let more = !s.changes.is_empty() || !s.anew.is_empty() || s.verdict == "nothing visible";
+        let said: Vec<String> = rejected.into_iter().chain(more.then(|| s.summary.clone())).collect();
+        (!said.is_empty()).then(|| format!("{}: {}", s.recording, said.join(" ")))
+    };
+    h.sessions.iter().filter_map(line).collect()
 }
 
 /// A row for each recording: those of the fit first.
@@ -86,10 +105,8 @@ fn sessions(h: &History) -> Vec<Vec<String>> {
         line(&b.recording, day(b.day), b.measurements, b.temp_c, b.mean_mm, said)
     }));
     rows.extend(h.sessions.iter().enumerate().map(|(k, s)| {
-        let changed: Vec<String> = s.changes.iter().map(changed).collect();
-        let changed = if changed.is_empty() { "nothing".into() } else { changed.join(", ") };
         let on = day(h.days.as_ref().and_then(|d| d.get(k).copied()));
-        line(&s.recording, on, s.measurements, s.temp_c, s.mean_mm, changed)
+        line(&s.recording, on, s.measurements, s.temp_c, s.mean_mm, what_changed(s))
     }));
     rows.iter_mut().enumerate().skip(1).for_each(|(k, row)| row[0] = format!("{k}. {}", row[0]));
     rows

@@ -24,7 +24,8 @@ pub fn cautions(v: &Validation) -> Vec<String> {
     let learnt = |s: &&trical_ident::SessionErrors| s.learnt.is_some();
     let same: Vec<&str> = v.sessions.iter().filter(learnt).map(|s| s.recording.as_str()).collect();
     if !same.is_empty() {
-        out.push(format!("The model was fitted to {}: these errors say nothing about other poses.", same.join(", ")));
+        let these = if same.len() < v.sessions.len() { "its errors there" } else { "these errors" };
+        out.push(format!("The model was fitted to {}: {these} say nothing about other poses.", same.join(", ")));
     }
     out
 }
@@ -65,6 +66,13 @@ pub fn render(v: &Validation, file: &ModelFile, mut made: Made) -> Result<String
         "The position error at {} measurements is {:.3} mm on average and {:.3} mm at most; with the nominal arm it is {:.3} and {:.3} mm.",
         v.n, v.after.mean_mm, v.after.max_mm, v.before.mean_mm, v.before.max_mm
     );
+    if v.sessions.iter().any(|s| s.learnt.is_some()) {
+        let others = v.sessions.iter().filter(|s| s.learnt.is_none());
+        let each: Vec<String> = others.map(|s| format!("{:.3} mm in {}", s.after.mean_mm, s.recording)).collect();
+        if !each.is_empty() {
+            verdict += &format!(" Where the model was not fitted it is {} on average.", each.join(", "));
+        }
+    }
     if v.after.mean_mm < v.before.mean_mm {
         verdict += &signing(list.len());
     } else {
@@ -146,6 +154,18 @@ mod tests {
         let (better, worse) = (page(&validation(1.0, 0.5)), page(&validation(1.0, 1.0)));
         assert!(better.contains("before signing.</p>") && !better.contains("Do not sign"));
         assert!(worse.contains("mm. Do not sign: the model is no better than the nominal arm here.</p>"));
+    }
+
+    #[test]
+    fn errors_in_the_recordings_of_the_fit_are_told_apart_from_those_in_others() {
+        let mut v = validation(1.0, 0.5);
+        let mut other = v.sessions[0].clone();
+        (other.recording, other.after.mean_mm) = ("r1.csv".into(), 0.8);
+        v.sessions.push(other);
+        assert!(!page(&v).contains("Where the model was not fitted"));
+        v.sessions[0].learnt = Some(1);
+        assert_eq!(cautions(&v), ["The model was fitted to r0.csv: its errors there say nothing about other poses."]);
+        assert!(page(&v).contains("Where the model was not fitted it is 0.800 mm in r1.csv on average."));
     }
 
     #[test]

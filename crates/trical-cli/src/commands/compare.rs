@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use trical_ident::compare::Change;
-use trical_ident::{Comparison, JointSource, ModelFile, compare, refuse_repeated, write_whole};
+use trical_ident::{Comparison, JointSource, ModelFile, compare, refuse_repeated, rejected_in_words, write_whole};
 use trical_model::Recording;
 use trical_report::table;
 
@@ -91,25 +91,39 @@ pub fn run(args: &Args) -> Result<()> {
 
 fn print(c: &Comparison) -> Result<()> {
     say(format!("{}: {} measurements, mean error {:.3} mm by the old model", c.recording, c.measurements, c.mean_mm))?;
+    if let Some(rejected) = rejected_in_words(&c.rejected) {
+        say_lines(table::wrapped(&format!("{rejected}."), 108, "  "))?;
+    }
     say_lines(table::wrapped(&c.summary, 108, "  "))?;
     if c.more_noise > 1.3 {
         say(format!("  The measurements scatter {:.1} times as much as in the old session.", c.more_noise))?;
     }
-    let seen = c.visible.iter().filter_map(|v| Some(format!("{} {:.3} {}", v.what, v.smallest?, v.unit)));
-    let unseen: Vec<&str> = c.visible.iter().filter(|v| v.smallest.is_none()).map(|v| v.what.as_str()).collect();
-    let mut line = format!(
-        "The smallest changes that would be found in nine cases of ten: {}.",
-        seen.collect::<Vec<_>>().join(", ")
-    );
-    if !unseen.is_empty() {
-        let of = unseen.join(" or ");
-        let _ = write!(
-            line,
-            " A change of {of} would not be found, however large: each session's own fit (frame, tool, balls) absorbs it."
-        );
+    let (mut seen, mut unseen): (Vec<String>, Vec<String>) = (Vec::new(), Vec::new());
+    for (k, v) in c.visible.iter().enumerate() {
+        // a tool is moved, or turned
+        let turned = k > 0 && c.visible[k - 1].what == v.what;
+        let moved = turned && c.visible[k - 1].smallest.is_some();
+        match (v.smallest, moved, seen.last_mut()) {
+            (Some(size), true, Some(last)) => {
+                let _ = write!(last, " or {size:.3} {}", v.unit);
+            }
+            (Some(size), ..) => seen.push(format!("{} {size:.3} {}", v.what, v.unit)),
+            _ if turned && !moved => {}
+            _ if turned => unseen.push(format!("the direction of the {}", v.what)),
+            _ => unseen.push(v.what.clone()),
+        }
     }
-    say_lines(table::wrapped(&line, 108, "  "))?;
-    Ok(())
+    let mut lines = Vec::new();
+    if !seen.is_empty() {
+        lines.push(format!("The smallest changes that would be found in nine cases of ten: {}.", seen.join(", ")));
+    }
+    if !unseen.is_empty() {
+        lines.push(format!(
+            "A change of {} would not be found, however large: each session's own fit (frame, tool, balls) absorbs it.",
+            unseen.join(" or ")
+        ));
+    }
+    say_lines(table::wrapped(&lines.join(" "), 108, "  "))
 }
 
 /// One row for each session and parameter, with a header line.

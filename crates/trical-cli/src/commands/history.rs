@@ -13,7 +13,8 @@ use crate::{say, say_lines};
 /// Arguments of `trical history`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// A folder of recordings (CSV or MCAP); they are taken in the order of their names (run_2 before run_10), days from dates such as 2026-11-22 in them
+    /// A folder of recordings (CSV or MCAP); they are taken in the order of the dates such as 2026-11-22 in their
+    /// names, without dates in that of the names (run_2 before run_10)
     #[arg(value_name = "DIR")]
     folder: PathBuf,
     /// The calibration that they are compared with: calibrated.toml
@@ -63,10 +64,8 @@ fn print(h: &History) -> Result<()> {
         row(&b.recording, day(b.day), b.measurements, b.temp_c, b.mean_mm, "(the calibration was fitted to it)".into());
     }
     for (k, s) in h.sessions.iter().enumerate() {
-        let changed: Vec<String> = s.changes.iter().map(history_report::changed).collect();
-        let changed = if changed.is_empty() { "nothing".into() } else { changed.join(", ") };
         let on = h.days.as_ref().and_then(|d| d.get(k).copied());
-        row(&s.recording, day(on), s.measurements, s.temp_c, s.mean_mm, changed);
+        row(&s.recording, day(on), s.measurements, s.temp_c, s.mean_mm, history_report::what_changed(s));
     }
     say_lines(table::lines(&rows))?;
     if h.days.is_none() {
@@ -74,8 +73,8 @@ fn print(h: &History) -> Result<()> {
             "Days are not known: not every name has a date such as 2026-11-22. Sessions are in the order of their names.",
         )?;
     }
-    for s in h.sessions.iter().filter(|s| !s.changes.is_empty()) {
-        say_lines(table::wrapped(&format!("{}: {}", s.recording, s.summary), 108, "  "))?;
+    for told in history_report::told(h) {
+        say_lines(table::wrapped(&told, 108, "  "))?;
     }
     say(&h.due)
 }

@@ -159,12 +159,8 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
     let none = if found.rejected == 0 { "; no row rejected" } else { "" };
     say(format!("{places} from {}{none}", data.names.join(", ")))?;
     say_lines(rejected_lines(&found.named, found.rejected, 12))?;
-    for session in found.sessions.iter().filter(|s| !s.own.is_empty()) {
-        let own = session.own.join(" and ");
-        say(format!(
-            "  {}: {own} of its own, {:.3} mm from the first session's",
-            session.recording, session.differs_mm
-        ))?;
+    for session in found.sessions.iter().filter_map(|s| s.in_words()) {
+        say(format!("  {session}"))?;
     }
     for load in &found.loads {
         say_lines(table::wrapped(&load.in_words(), 108, "  "))?;

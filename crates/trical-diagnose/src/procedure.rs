@@ -159,10 +159,12 @@ fn select(rounds: &mut Rounds, names_only: bool, task: &Task<'_>) -> Result<()> 
     if rounds.hold_curves()? {
         rounds.settle(true, &task.part(0.35, 0.45))?;
     }
-    task.step(0.45, "looking again without names")?;
-    let restored = rounds.restore_rows()?;
-    if (!names_only && rounds.widen()?) || restored {
-        rounds.settle(false, &task.part(0.5, 0.7))?;
+    if rounds.restore_rows()? {
+        rounds.settle(false, &task.part(0.45, 0.5))?;
+    }
+    task.step(0.5, "looking again without names")?;
+    if !names_only && rounds.widen()? {
+        rounds.settle(false, &task.part(0.55, 0.7))?;
     }
     task.step(0.7, "what pays at unseen poses")?;
     rounds.release_curves()?;

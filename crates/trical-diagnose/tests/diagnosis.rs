@@ -181,7 +181,7 @@ fn the_plain_model_of_an_arm_without_masses_has_its_sag_as_identify_has() {
         rms(ParameterSet::Geometry)
     );
     assert!(!d.findings.iter().any(|f| matches!(f.site, Place::Joint(2 | 3))), "{:?}", d.findings);
-    assert!(d.cautions.iter().any(|c| c.contains("give way to gravity")), "{:?}", d.cautions);
+    assert!(d.cautions.iter().any(|c| c.contains("way to gravity")), "{:?}", d.cautions);
 }
 
 #[test]

@@ -150,10 +150,13 @@ pub fn without_masses(elasticity: Elasticity, model: &Model) -> Option<String> {
         format!("the robot has no masses, so that compliance was left out ({cure})")
     } else {
         format!(
-            "the robot has no masses, so that compliance was left out ({cure}); the measurements show that joint{} {} give way to \
-             gravity, which was identified over their inclination (sag_...) and holds for the load of these recordings",
-            if sag.len() > 1 { "s" } else { "" },
-            numbers(&sag)
+            "the robot has no masses, so that compliance was left out ({cure}); the measurements show that {} way to gravity, which \
+             was identified as a function of the links' inclination (sag_...) and holds for the load of these recordings",
+            if let [joint] = sag[..] {
+                format!("joint {joint} gives")
+            } else {
+                format!("joints {} give", numbers(&sag))
+            },
         )
     })
 }

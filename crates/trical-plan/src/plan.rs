@@ -178,8 +178,9 @@ impl Regions {
         let (rows, name) =
             if options.whole_workspace { (&self.workspace, "workspace") } else { (&self.sphere, "sphere") };
         if options.criterion == Criterion::Region && rows.is_empty() {
-            let problem =
-                format!("found region, but the arm reaches no pose of the {name}; expected a place in its reach");
+            let problem = format!(
+                "the arm reaches no pose of the {name} for which touches are to be chosen; expected one in its reach"
+            );
             return Err(PlanError::Option { option: "criterion", problem });
         }
         Ok(rows)

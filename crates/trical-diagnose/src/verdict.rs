@@ -324,11 +324,10 @@ fn row_of(f: &Finding, step: &Step, [before_mm, after_mm]: [f64; 2]) -> VerdictR
     let (text, less_sure) = claim(f, &step.places);
     let rival = f.rivals.iter().find(|r| r.effect != f.effect);
     let rival = rival.filter(|_| said_at == Level::Effect && f.confidence < RIVAL_TOLD_BELOW);
-    let elsewhere: Vec<Place> = f.rivals.iter().filter(|r| r.effect == f.effect).map(|r| r.site).collect();
-    let instead = || match at(&elsewhere, "") {
-        places if places.is_empty() || step.places.len() > 1 || f.confidence >= RIVAL_TOLD_BELOW => None,
-        places => Some(format!("or{places}")),
-    };
+    let alike =
+        f.rivals.iter().filter(|r| r.effect == f.effect && step.places.len() == 1 && f.confidence < RIVAL_TOLD_BELOW);
+    let elsewhere: Vec<String> = alike.map(|r| format!("or{}", at(&[r.site], ""))).collect();
+    let instead = || (!elsewhere.is_empty()).then(|| elsewhere.join(" "));
     VerdictRow {
         kind: RowKind::Finding,
         text: capital(&text),

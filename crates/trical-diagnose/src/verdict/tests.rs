@@ -148,7 +148,7 @@ fn places_that_cannot_be_told_apart_are_all_told() {
     let verdict = told(&[ball], &[], [(31, 0.5), (34, 0.3)]);
     let row = &verdict.rows[1];
     assert!(row.text.starts_with("Perhaps ") && row.text.ends_with("at ball 1"), "{}", row.text);
-    assert_eq!(row.perhaps.as_deref(), Some("or at ball 2, ball 3"));
+    assert_eq!(row.perhaps.as_deref(), Some("or at ball 2 or at ball 3"));
 }
 
 #[test]

@@ -80,17 +80,17 @@ pub fn shares(alternatives: &[Alternative]) -> Shares {
         }
     }
     let draws = BOOTSTRAP_DRAWS as f64;
-    let of = |says: &[Says]| -> f64 {
-        let said = |a: &Alternative| says.contains(&a.says) || is_twin(a, &alternatives[0]);
+    let of = |said: &dyn Fn(&Alternative) -> bool| -> f64 {
         alternatives.iter().zip(&mean).filter(|(a, _)| said(a)).map(|(_, m)| m / draws).sum()
     };
-    let twins: f64 = alternatives.iter().zip(&mean).filter(|(a, _)| is_twin(a, &alternatives[0])).map(|(_, m)| m).sum();
-    let own = mean.first().copied().unwrap_or(0.0);
+    let is_twin = |a: &Alternative| alternatives.first().is_some_and(|finding| is_twin(a, finding));
+    let twins = of(&is_twin);
+    let with_twins = |says: &[Says]| of(&|a| says.contains(&a.says)) + twins;
     Shares {
-        place: of(&[Says::Same, Says::Family, Says::Place]),
-        family: of(&[Says::Same, Says::Family]),
-        effect: of(&[Says::Same]),
-        twins: if twins > 0.0 { twins / (own + twins) } else { 0.0 },
+        place: with_twins(&[Says::Same, Says::Family, Says::Place]),
+        family: with_twins(&[Says::Same, Says::Family]),
+        effect: with_twins(&[Says::Same]),
+        twins: if twins > 0.0 { twins / with_twins(&[Says::Same]) } else { 0.0 },
     }
 }
 

@@ -322,12 +322,14 @@ fn curves_row(step: &Step, unexplained: &[Unexplained], given: Given<'_>, errors
 fn row_of(f: &Finding, step: &Step, [before_mm, after_mm]: [f64; 2]) -> VerdictRow {
     let said_at = level(f).0;
     let (text, less_sure) = claim(f, &step.places);
-    let rival = f.rivals.iter().find(|r| r.effect != f.effect);
-    let rival = rival.filter(|_| said_at == Level::Effect && f.confidence < RIVAL_TOLD_BELOW);
-    let alike =
-        f.rivals.iter().filter(|r| r.effect == f.effect && step.places.len() == 1 && f.confidence < RIVAL_TOLD_BELOW);
-    let elsewhere: Vec<String> = alike.map(|r| format!("or{}", at(&[r.site], ""))).collect();
+    let told = if f.confidence < RIVAL_TOLD_BELOW { &f.rivals[..] } else { &[] };
+    let elsewhere: Vec<String> = told
+        .iter()
+        .filter(|r| r.effect == f.effect && step.places.len() == 1)
+        .map(|r| format!("or{}", at(&[r.site], "")))
+        .collect();
     let instead = || (!elsewhere.is_empty()).then(|| elsewhere.join(" "));
+    let rival = told.iter().find(|r| r.effect != f.effect && said_at == Level::Effect);
     VerdictRow {
         kind: RowKind::Finding,
         text: capital(&text),

@@ -489,9 +489,14 @@ fn leave_out(model: &mut Model, data: &Dataset, places: &[Place]) -> Vec<LeftOut
             None => t.scope() == Scope::Course && places.iter().all(|p| p.learnt.is_none()),
         };
         let lacks = |p: &Place| p.learnt.is_none() && is_elsewhere(p) && !p.carried.iter().any(|c| c.name == t.name);
-        let needs = || data.observations.iter().find_map(|o| t.basis.missing(&o.state, &o.measured));
         let elsewhere = places.iter().all(is_elsewhere);
-        let reason = if places.iter().any(lacks) {
+        let is_lacked = places.iter().any(lacks);
+        let missing = if is_lacked || elsewhere || matches!(t.basis.of, trical_model::Variable::Reading { .. }) {
+            None
+        } else {
+            data.observations.iter().find_map(|o| t.basis.missing(&o.state, &o.measured))
+        };
+        let reason = if is_lacked {
             let of = match t.scope() {
                 Scope::Course => "happened in the course of another session",
                 _ => "belongs to another session",
@@ -499,16 +504,13 @@ fn leave_out(model: &mut Model, data: &Dataset, places: &[Place]) -> Vec<LeftOut
             let here = places.iter().zip(&data.names).filter(|(p, _)| lacks(p)).map(|(_, name)| name.as_str());
             let of_some = || format!("in {}: {of}", here.collect::<Vec<_>>().join(", "));
             Some(if elsewhere { of.to_owned() } else { of_some() })
-        } else if elsewhere || matches!(t.basis.of, trical_model::Variable::Reading { .. }) {
-            None
         } else {
-            needs().map(|what| format!("needs {what}, which these recordings do not have"))
+            missing.map(|what| format!("needs {what}, which these recordings do not have"))
         };
-        let needed = reason.as_ref().is_some_and(|r| r.starts_with("needs"));
         if let Some(reason) = reason {
             out.push(LeftOut { term: t.name.clone(), effect: t.effect.clone(), reason });
         }
-        !elsewhere && !needed
+        !elsewhere && missing.is_none()
     });
     out
 }

@@ -190,8 +190,9 @@ pub fn run(args: &Args) -> Result<()> {
     let touches = recording.rows.len();
     let models = diagnosed(&story, recording)?;
     let seal = seal_broken(&story, &models)?;
-    let scores = validated(&story, &models, temperature(&running)?)?;
-    let driven = program(&story, &running, &models.best)?;
+    let temp_c = temperature(&running)?;
+    let scores = validated(&story, &models, temp_c)?;
+    let driven = program(&story, &running, &models.best, temp_c)?;
     let made = story.made(&["robot.toml", "cell.toml", "run.mcap", "truth.sealed.toml"]);
     let html = demo_report::render(&models, &seal, &scores, &driven, &told, &made)?;
     write_whole(&story.file("report.html"), html.as_bytes())?;
@@ -407,9 +408,8 @@ fn validate(story: &Story<'_>, models: &Models, temp_c: Option<f64>, task: &Task
 }
 
 /// 7. A program as it was written and rewritten, driven on the virtual arm: how far its targets are missed.
-fn program(story: &Story<'_>, running: &VirtualCell, model: &Model) -> Result<[ErrorSummary; 2]> {
+fn program(story: &Story<'_>, running: &VirtualCell, model: &Model, temp_c: Option<f64>) -> Result<[ErrorSummary; 2]> {
     let controller = Model::nominal(story.robot.clone(), story.cell.clone());
-    let temp_c = temperature(running)?;
     let (_, plain) = rewritten(PROGRAM.as_bytes(), &controller, &controller, temp_c)?;
     let (better, done) = rewritten(PROGRAM.as_bytes(), &controller, model, temp_c)?;
     if let Some(problem) = done.problems.first() {

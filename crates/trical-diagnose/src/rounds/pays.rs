@@ -186,12 +186,7 @@ impl Rounds {
         self.chosen.retain(|c| !dropped.contains(c));
         // curves that were held are fitted with everything else now
         let curves = self.chosen.iter().any(|c| self.candidates[*c].is_long_curve());
-        if (curves || self.chosen != before) && self.refit().is_err() {
-            // what is left does not determine all of a small session: what held it stays
-            self.chosen = before;
-            return self.refit();
-        }
-        Ok(())
+        if curves || self.chosen != before { self.refit() } else { Ok(()) }
     }
 
     /// Nested effects (a gap within friction that grows with the load): where all that the larger one adds is within two standard

@@ -57,11 +57,10 @@ pub fn hide(model: &mut Model, wishes: &[String]) -> Result<()> {
 #[must_use]
 pub fn hidden_in(model: &Model) -> Vec<(EffectId, Place, Vec<Coefficient>)> {
     let candidates = all(model).unwrap_or_default();
-    let acts_as = |a: &Term, b: &Term| a.site == b.site && a.basis.of == b.basis.of;
     let mut found: Vec<(EffectId, Place, Vec<Coefficient>)> = Vec::new();
     for term in &model.terms {
         let Some(effect) = EffectId::named(&term.effect) else { continue };
-        let asked = candidates.iter().find(|c| c.cause == effect.into() && c.terms.iter().any(|t| acts_as(t, term)));
+        let asked = candidates.iter().find(|c| c.terms.iter().any(|t| t.does_as(term)));
         let place = asked.map_or_else(|| Place::of(&term.site), |c| c.site);
         match found.iter_mut().find(|(e, p, _)| (*e, *p) == (effect, place)) {
             Some((_, _, coefficients)) => coefficients.push(coefficient(term)),

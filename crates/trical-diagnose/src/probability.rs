@@ -188,6 +188,8 @@ mod tests {
         };
         let one = of(&[]);
         assert!((of(&[1.0, 1.0]) - one / 3.0).abs() < 1e-3 && one > 0.9, "{one} {}", of(&[1.0, 1.0]));
+        // and so have those that nearly say the same
+        assert!((0.5 * one..0.65 * one).contains(&of(&[0.99])), "{}", of(&[0.99]));
         // of one that predicts worse the halves tell it
         assert!((of(&[0.9]) - one).abs() < 0.05, "{}", of(&[0.9]));
     }

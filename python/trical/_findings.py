@@ -93,12 +93,16 @@ class Place(Record):
 
 @dataclass(frozen=True, slots=True)
 class Coefficient(Record):
-    """A number of a finding's model, by `name`: `value` with standard deviation `sd` (None if not known), in `unit`."""
+    """A number of a finding's model, by `name`: `value` with standard deviation `sd` (None if not known), in `unit`.
+
+    `cycles` per turn, where it is one of a wave's two.
+    """
 
     name: str
     value: float
     unit: str
     sd: float | None = None
+    cycles: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

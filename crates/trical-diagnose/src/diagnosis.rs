@@ -25,6 +25,9 @@ pub struct Coefficient {
     pub unit: String,
     /// Standard deviation.
     pub sd: Option<f64>,
+    /// Of a sine or cosine: its cycles per turn.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cycles: Option<f64>,
 }
 
 /// What speaks for a finding.

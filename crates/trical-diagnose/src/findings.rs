@@ -1,7 +1,5 @@
 //! From what was chosen to what is said: findings with their evidence and rivals, what has no name, what could not be seen.
 
-use std::cmp::Ordering;
-
 use trical_ident::caution::listed;
 use trical_ident::dataset::Dataset;
 use trical_ident::fit::position_errors;
@@ -9,7 +7,7 @@ use trical_ident::identify::{ErrorSummary, Identified};
 use trical_ident::units::unit;
 use trical_model::{Forward, Model, Place, Scope, Term};
 
-use crate::candidate::Candidate;
+use crate::candidate::{Candidate, cycles_of};
 use crate::diagnosis::{Blind, Coefficient, Evidence, Finding, Rival, Unexplained};
 use crate::effect_id::{Cause, EffectId};
 use crate::linear::RegressionState;
@@ -20,7 +18,7 @@ use crate::settings::{CONSIDERABLE_SHARE, MOST_RIVALS, PROBE_BETTER_NATS, REMAIN
 use crate::specification_test::{LackOfFit, SpecificationTest};
 use crate::statistics::{bic_nats, f_test_of_effect};
 
-/// One group of chosen candidates: same effect, same site.
+/// One group of chosen candidates: same effect, same site; waves by their cycles, steps in the order in which they happened.
 pub(crate) struct Group {
     pub(crate) members: Vec<usize>,
 }
@@ -37,6 +35,8 @@ pub(crate) fn grouped(local: &[Candidate], set: &[usize]) -> Vec<Group> {
             None => groups.push(Group { members: vec![*c] }),
         }
     }
+    let order = |c: &usize| local[*c].cycles().or(local[*c].step().map(|s| s.1)).unwrap_or(0.0);
+    groups.iter_mut().for_each(|g| g.members.sort_by(|a, b| order(a).total_cmp(&order(b))));
     groups
 }
 
@@ -75,6 +75,7 @@ pub(crate) fn coefficient(term: &Term) -> Coefficient {
         value: term.value * u.per_si,
         unit: u.name,
         sd: term.sd.map(|s| s * u.per_si.abs()),
+        cycles: cycles_of(term),
     }
 }
 
@@ -161,12 +162,9 @@ fn located(group: &Group, local: &[Candidate]) -> String {
     let is_line = |c: &&&Candidate| {
         [EffectId::GearRipple, EffectId::EncoderError].iter().any(|id| c.cause == (*id).into()) && c.cycles().is_some()
     };
-    let (lines, mut others): (Vec<&Candidate>, Vec<&Candidate>) = others.iter().partition(is_line);
-    // what happened first is told first
-    others.sort_by(|a, b| a.step().map(|s| s.1).partial_cmp(&b.step().map(|s| s.1)).unwrap_or(Ordering::Equal));
-    let mut cycles: Vec<f64> = lines.iter().filter_map(|c| c.cycles()).collect();
-    cycles.sort_by(f64::total_cmp);
-    let numbers = listed(&cycles.iter().map(|n| format!("{n:.0}")).collect::<Vec<_>>(), "and");
+    let (lines, others): (Vec<&Candidate>, Vec<&Candidate>) = others.iter().partition(is_line);
+    let numbers =
+        listed(&lines.iter().filter_map(|c| c.cycles()).map(|n| format!("{n:.0}")).collect::<Vec<_>>(), "and");
     let told = match (lines.first(), curves.first()) {
         (Some(_), Some(curve)) => {
             let waves = if lines.len() == 1 { "a single wave" } else { "single waves" };
@@ -350,7 +348,7 @@ mod tests {
         let all = [ripple(2, 102.0), ripple(3, 100.0), ripple(2, 100.0), of(Cause::Unexplained, 2, Shape::Linear)];
         let groups = grouped(&all, &[3, 0, 1, 2]);
         let members: Vec<&[usize]> = groups.iter().map(|g| &g.members[..]).collect();
-        assert_eq!(members, [&[3][..], &[0, 2], &[1]]);
+        assert_eq!(members, [&[3][..], &[2, 0], &[1]]);
         assert_eq!(located(&groups[1], &all), "100 and 102 cycles per turn of joint 2");
         assert_eq!(located(&groups[2], &all), "joint 3 is off", "one wave is told as itself");
     }

@@ -71,11 +71,6 @@ impl<'a> Parts<'a> {
         blocks.iter().map(|b| if b.rows > 0.0 { score(b) } else { 0.0 }).collect()
     }
 
-    /// Sum of the squared residuals (in standard deviations of the noise) of all rows, each by the fit to the other parts, without the candidates `out`.
-    fn squares(&self, out: &[usize]) -> f64 {
-        self.partition.instead(out, None).iter().map(|r| r * r).sum()
-    }
-
     /// Position errors without the candidates `out` and with `add` in their place, each by the fit to the other parts.
     pub(crate) fn errors(&self, out: &[usize], add: Option<usize>) -> ErrorSummary {
         ErrorSummary::of(&self.partition.position_errors(&self.partition.instead(out, add), self.scored))
@@ -83,7 +78,8 @@ impl<'a> Parts<'a> {
 }
 
 /// Members of the groups that do not better the log scores of what `proofs` did not see beside those that stay, by more than chance, or harm
-/// those of one proof by more than chance, or do not lower the errors of the first proof: what each block gains is one draw of the gain, and their scatter says how well the sum is known (Vehtari, Gelman & Gabry 2017). What has no name
+/// those of one proof by more than chance, or do not lower the mean error of the first proof (the sum of squares is what a few poses far
+/// from all others make of it): what each block gains is one draw of the gain, and their scatter says how well the sum is known (Vehtari, Gelman & Gabry 2017). What has no name
 /// has to gain its price besides, so that of two that say the same the name stays. A group that is worth no more than one of those that
 /// `instead` has for it goes as well. Groups and `instead` are indices into `candidates`, which are those of the design.
 pub(crate) fn what_does_not_pay(
@@ -95,16 +91,16 @@ pub(crate) fn what_does_not_pay(
     let scores = |out: &[usize], add| -> Vec<Vec<f64>> { proofs.iter().map(|p| p.scores(out, add)).collect() };
     let mut out: Vec<usize> = Vec::new();
     let mut now = scores(&out, None);
-    let squares = |out: &[usize]| proofs.first().map_or(0.0, |p| p.squares(out));
+    let error = |out: &[usize]| proofs.first().map_or(0.0, |p| p.errors(out, None).mean_mm);
     while !groups.is_empty() {
-        let with = squares(&out);
+        let with = error(&out);
         let pays = |g: &Group| {
             let without = [&out[..], &g.members[..]].concat();
             let rivals = instead(g).into_iter().map(|c| surely(&now, &scores(&without, Some(c))));
             let nameless = candidates[g.members[0]].cause == Cause::Unexplained;
             let price = if nameless { UNNAMED_PRICE_NATS } else { 0.0 };
             let pays = rivals.fold(surely(&now, &scores(&without, None)) - price, f64::min);
-            unless_errors_rise(pays, squares(&without), with)
+            unless_errors_rise(pays, error(&without), with)
         };
         let worst = groups.iter().map(pays).enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
         let Some((worst, _)) = worst.filter(|(_, least)| *least <= 0.0) else { break };
@@ -149,12 +145,12 @@ mod tests {
     /// What does not pay of the candidates that `set` makes for an arm with a hidden error of joint 2, each alone in its group but for those
     /// from `groups` on, which are what could stand instead.
     fn not_paying(
-        hidden: Shape,
-        size: f64,
+        hidden: &[(Shape, f64)],
         set: &dyn Fn(&Covariates<'_>, &Dataset) -> Vec<Candidate>,
         groups: usize,
     ) -> Vec<usize> {
-        let (truth, data) = with_joint_2(&[(Basis::new(Variable::Joint { joint: 2 }, hidden), size)]);
+        let of = |(shape, size): &(Shape, f64)| (Basis::new(Variable::Joint { joint: 2 }, *shape), *size);
+        let (truth, data) = with_joint_2(&hidden.iter().map(of).collect::<Vec<_>>());
         let fitted = identify(&truth.robot, &truth.cell, &data, Choice::from(ParameterSet::Compliance)).unwrap();
         let candidates = set(&Covariates::new(&fitted.model, &data, 1e-5), &data);
         let design = Design::new(&fitted.model, &candidates, &data, &fitted.noise).unwrap();
@@ -174,9 +170,9 @@ mod tests {
         let curve_and_waves = |r: &Covariates<'_>, _: &Dataset| {
             [of_joint_2(EffectId::EncoderError, r), of_joint_2(EffectId::JointHarmonic, r)].concat()
         };
-        assert_eq!(not_paying(Shape::Sine { cycles: 5.0 }, 5e-4, &curve_and_waves, 1), [0]);
+        assert_eq!(not_paying(&[(Shape::Sine { cycles: 5.0 }, 5e-4)], &curve_and_waves, 1), [0]);
         // one wave alone is no rival of a curve with waves that are not of the joint's first ones
-        assert!(not_paying(Shape::Sine { cycles: 9.0 }, 5e-4, &curve_and_waves, 1).is_empty());
+        assert!(not_paying(&[(Shape::Sine { cycles: 9.0 }, 5e-4)], &curve_and_waves, 1).is_empty());
     }
 
     #[test]
@@ -188,7 +184,7 @@ mod tests {
             both.extend(curves.iter().find(own).cloned());
             both
         };
-        assert_eq!(not_paying(Shape::Linear, 5e-4, &ratio_and_curve, 2), [1]);
+        assert_eq!(not_paying(&[(Shape::Linear, 5e-4)], &ratio_and_curve, 2), [1]);
     }
 
     /// What harms the last quarter of a recording, of a drift with the order of the rows that was fitted to all of it; joint 2 is off by

@@ -2,9 +2,11 @@
 //! pair and swap check, backward elimination.
 
 use crate::candidate::Candidate;
+use crate::effect_id::Cause;
 use crate::linear::{Design, Downdate, Downdated, RegressionState};
 use crate::settings::{
-    EVIDENCE_NATS, IDLE_NATS, LEANER_TRIED, MERGED_AMONG, MOST_EFFECTS, PAIR_SHORTLIST, SAME_EVIDENCE_NATS,
+    EVIDENCE_NATS, IDLE_NATS, LEANER_FOR_NAMELESS, LEANER_TRIED, MERGED_AMONG, MOST_EFFECTS, PAIR_SHORTLIST,
+    SAME_EVIDENCE_NATS,
 };
 use rayon::prelude::*;
 use trical_model::Place;
@@ -421,15 +423,28 @@ impl<'a> Search<'a> {
         {
             wishes.push((best.evidence - now, *own, vec![best.candidate]));
         }
+        let nameless = self.candidates[*own].cause == Cause::Unexplained;
+        let most = if nameless { LEANER_FOR_NAMELESS } else { 2 };
+        // more than two have to be what a name says of the same place
+        let here = self.candidates[*own].site;
+        let hidden =
+            |c: usize| self.candidates[c].cause != Cause::Unexplained && self.candidates[c].site.is_same_part(here);
         for first in lean {
-            let after = downdate.with(without, first.candidate);
-            let second = self.best(&after).find(|r| !set.contains(&r.candidate));
-            if let Some(second) = second
-                && second.evidence > EVIDENCE_NATS
-                && first.evidence + second.evidence > now + SAME_EVIDENCE_NATS
-            {
-                let gain = first.evidence + second.evidence - now;
-                wishes.push((gain, *own, vec![first.candidate, second.candidate]));
+            let mut state = downdate.with(without, first.candidate);
+            let (mut new, mut evidence) = (vec![first.candidate], first.evidence);
+            loop {
+                let fits = |c: usize| !set.contains(&c) && !new.contains(&c) && (new.len() < 2 || hidden(c));
+                let next = self.best(&state).find(|r| fits(r.candidate));
+                let Some(next) = next.filter(|r| r.evidence > EVIDENCE_NATS) else { break };
+                new.push(next.candidate);
+                evidence += next.evidence;
+                if evidence > now + SAME_EVIDENCE_NATS {
+                    wishes.push((evidence - now, *own, new.clone()));
+                }
+                if new.len() == most {
+                    break;
+                }
+                self.design.add(&mut state, next.candidate);
             }
         }
         wishes
@@ -552,11 +567,16 @@ mod tests {
 
     /// Of an arm whose joint 2 is off by waves of 9, 14 and 40 cycles: what `ask` says of the [`CYCLES`], of which two are not there.
     fn asked<T>(ask: impl Fn(Search<'_>, &RegressionState) -> T) -> T {
+        asked_with(&[], ask)
+    }
+
+    /// The same with `more` candidates behind them.
+    fn asked_with<T>(more: &[Candidate], ask: impl Fn(Search<'_>, &RegressionState) -> T) -> T {
         let wave = |cycles| Basis::new(Variable::Joint { joint: 2 }, Shape::Sine { cycles });
         let (truth, data) = with_joint_2(&[(wave(9.0), 3e-4), (wave(14.0), 5e-4), (wave(40.0), -2e-4)]);
         let fitted = identify(&truth.robot, &truth.cell, &data, Choice::from(ParameterSet::Compliance)).unwrap();
         let ripple = |(joint, cycles)| off(EffectId::GearRipple.into(), joint, Shape::Sine { cycles });
-        let all: Vec<Candidate> = CYCLES.map(ripple).into();
+        let all = [&CYCLES.map(ripple)[..], more].concat();
         let design = Design::new(&fitted.model, &all, &data, &fitted.noise).unwrap();
         ask(Search::new(&design, &all, 1.0), &design.start())
     }
@@ -584,6 +604,27 @@ mod tests {
             })
         };
         assert_eq!((swapped(true), swapped(false)), (vec![0, 1, 4], vec![0, 2, 4]));
+    }
+
+    #[test]
+    fn a_curve_without_a_name_goes_for_three_waves_that_together_say_what_it_says() {
+        let mut nameless = off(Cause::Unexplained, 2, Shape::Sine { cycles: 9.0 });
+        for cycles in [14.0, 40.0, 11.0, 17.0, 20.0, 23.0, 26.0] {
+            let one = off(Cause::Unexplained, 2, Shape::Sine { cycles });
+            nameless.terms.extend(one.terms);
+            nameless.signs.extend(one.signs);
+            nameless.scales.extend(one.scales);
+        }
+        let swapped = |most: &[usize]| {
+            asked_with(std::slice::from_ref(&nameless), |search, start| {
+                let out: Vec<usize> = (0..CYCLES.len()).filter(|c| !most.contains(c)).collect();
+                let mut chosen = vec![CYCLES.len()];
+                search.without_candidates(&out).swap(start, &mut chosen, &|_| true);
+                sorted(chosen)
+            })
+        };
+        assert_eq!(swapped(&[0, 1, 4]), [0, 1, 4]);
+        assert_eq!(swapped(&[0, 1]), [CYCLES.len()], "two of them do not");
     }
 
     #[test]

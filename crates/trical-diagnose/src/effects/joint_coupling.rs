@@ -1,5 +1,7 @@
 //! One joint moves another: bevel gears of a wrist (5 by 4, 6 by 5, 6 by 4), a parallelogram (3 by 2).
 
+use std::collections::BTreeSet;
+
 use trical_model::{Basis, Place, Scope, Shape, Site, Variable};
 
 use super::effect::{Asked, Effect, Family, Remedy, Size};
@@ -23,7 +25,8 @@ pub const EFFECT: Effect = Effect {
     ask,
 };
 
-/// Of an arm that stands still; on a rail its joints are counted from 2.
+/// Of an arm that stands still. On a rail they are one further on; those that are counted with the rail's joint are asked too, since a drive may
+/// run through any joint before.
 const PAIRS: [(usize, usize); 4] = [(5, 4), (6, 5), (6, 4), (3, 2)];
 
 fn ask(r: &Covariates<'_>) -> Asked {
@@ -36,10 +39,11 @@ fn ask(r: &Covariates<'_>) -> Asked {
             vec![(format!("coupling_{joint}_from_{from}"), Site::Joint { joint }, basis, 0)],
         )
     };
-    let first = usize::from(r.model.robot.is_on_rail());
-    PAIRS
+    let pairs: BTreeSet<(usize, usize)> = (0..=usize::from(r.model.robot.is_on_rail()))
+        .flat_map(|rail| PAIRS.map(|(joint, from)| (joint + rail, from + rail)))
+        .collect();
+    pairs
         .into_iter()
-        .map(|(joint, from)| (joint + first, from + first))
         .filter(|p| p.0 <= r.dof())
         .map(of)
         .collect::<Vec<_>>()

@@ -14,7 +14,7 @@ pub const EFFECT: Effect = Effect {
     family: Family::Transmission,
     scope: Scope::Arm,
     site: "joint, from",
-    form: "wrist gears, parallelogram: D = k q_i for joint 5 with 4, 6 with 5, 6 with 4, 3 with 2",
+    form: "wrist gears, parallelogram: D = k q_i for joint 5 with 4, 6 with 5, 6 with 4, 3 with 2; on a rail also one joint further on",
     needs: "-",
     typical: "2e-4 to 2e-3",
     rivals: "gear_ratio",

@@ -172,6 +172,7 @@ fn select(rounds: &mut Rounds, names_only: bool, task: &Task<'_>) -> Result<()> 
     if rounds.trade_curves()? {
         rounds.keep_what_pays()?;
     }
+    rounds.shrink_curves()?;
     rounds.name_waves();
     Ok(())
 }

@@ -132,6 +132,9 @@ pub const SIZE_SETTLED: f64 = 0.02;
 /// Rounds of that at most.
 pub const SIZE_ROUNDS: usize = 20;
 
+/// Shares of the size that the likelihood says waves of curves have, which sessions are asked whether they foretell each other better with.
+pub const CURVE_SHARES: [f64; 5] = [1.0, 0.7, 0.5, 0.35, 0.25];
+
 /// Neighbours of a gear's number and of its multiples, this near in cycles a turn, are the same line, modulated.
 pub const GEAR_SIDEBANDS: f64 = 2.0;
 

@@ -12,7 +12,7 @@ use crate::findings::{Group, grouped};
 use crate::parts::{Parts, what_does_not_pay};
 use crate::periodogram;
 use crate::selection::Search;
-use crate::settings::TRIED_WITH_CURVES;
+use crate::settings::{CURVE_SHARES, TRIED_WITH_CURVES};
 
 impl Rounds {
     /// Curves with many coefficients (an encoder's) that the residual asks for beside everything else: they come first, since they are
@@ -162,6 +162,40 @@ impl Rounds {
         self.chosen = lean;
         self.choose_beside(&left)?;
         Ok(true)
+    }
+
+    /// Takes waves of long curves as much smaller, before anything is known of them, as lets the sessions foretell each other best: neighbours in a
+    /// session are off alike, so that the likelihood of one takes the waves to be larger than they are in the next.
+    pub(crate) fn shrink_curves(&mut self) -> Result<()> {
+        let curves: Vec<usize> = self.chosen.iter().copied().filter(|c| self.candidates[*c].is_long_curve()).collect();
+        if curves.is_empty() || self.kept.names.len() < 2 {
+            return Ok(());
+        }
+        let known = self.known.clone();
+        let waves = self.members(&curves);
+        let is_wave = |m: &Term| waves.iter().flat_map(|c| &c.terms).any(|t| m.does_as(t));
+        let is_wave: Vec<bool> = self.fitted.model.terms.iter().map(is_wave).collect();
+        let mut best = (1.0, f64::INFINITY);
+        for factor in CURVE_SHARES {
+            self.known.clone_from(&known);
+            for (k, _) in self.known.iter_mut().zip(&is_wave).filter(|(_, wave)| **wave) {
+                k.prior.iter_mut().for_each(|p| p.sd *= factor);
+            }
+            // sessions that do not determine the arm without one of them say nothing
+            let Ok(Some(errors)) = self.of_sessions(self.fitted.model.terms.len()) else { break };
+            if errors.mean_mm >= best.1 {
+                break;
+            }
+            best = (factor, errors.mean_mm);
+        }
+        self.known = known;
+        if best.0 < 1.0 {
+            for c in curves {
+                self.candidates[c].scales.iter_mut().for_each(|s| *s *= best.0);
+            }
+            self.refit()?;
+        }
+        Ok(())
     }
 
     /// Drops what does not pay at blocks of poses that the fit did not see, in the last quarter of the sessions, foreseen by what came before,

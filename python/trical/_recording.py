@@ -62,6 +62,7 @@ class Recording:
         orientation: (n, 4), unit quaternion w, x, y, z, measuring frame from tool: with `position`, a full pose.
         anchor: (n,), where `distance` was measured from; 1 where not given.
         distance: (n,), m, from the anchor to the TCP.
+        prismatic: which joints slide, (joints,): files have them in mm.
         name: for messages.
 
     >>> r = Recording(q=[[0.0, 0.1], [0.2, 0.1]], position=[[0.4, 0, 0.3], [0.4, 0.1, 0.3]])
@@ -91,11 +92,12 @@ class Recording:
         orientation: npt.ArrayLike | None = None,
         anchor: npt.ArrayLike | None = None,
         distance: npt.ArrayLike | None = None,
+        prismatic: Sequence[bool] | None = None,
         name: str = "recording",
     ) -> None:
         """See the class."""
         given = locals()
-        columns = {k: given[k] for k in ("q", *_KNOWN, *_MEASURED) if given[k] is not None}
+        columns = {k: given[k] for k in ("q", *_KNOWN, *_MEASURED, "prismatic") if given[k] is not None}
         if place is not None:
             import numpy as np
 

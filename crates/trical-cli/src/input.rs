@@ -8,7 +8,7 @@ use trical_ident::{JointSource, ToolSharing};
 use trical_model::urdf::UrdfPath;
 use trical_model::{Cell, JointKind, MAX_JOINTS, Recording, Robot};
 use trical_plan::geometry::mesh::resolve_meshes;
-use trical_recording::{CsvStream, RecordError, columns, is_mcap, open_large};
+use trical_recording::{CsvStream, RecordError, columns, is_mcap, open_large, refuse_other_units};
 use trical_report::Made;
 
 use crate::error::{CliError, Result};
@@ -126,13 +126,14 @@ impl Tool {
 }
 
 /// Reads recordings of one arm, CSV or MCAP.
-pub fn recordings(paths: &[PathBuf], joints: usize) -> Result<Vec<Recording>> {
-    paths.iter().map(|p| recording(p, joints)).collect()
+pub fn recordings(paths: &[PathBuf], robot: &Robot) -> Result<Vec<Recording>> {
+    paths.iter().map(|p| recording(p, robot)).collect()
 }
 
 /// Reads one recording, CSV or MCAP. A damaged MCAP is refused.
-pub fn recording(path: &Path, joints: usize) -> Result<Recording> {
-    let recording = trical_recording::open(path, Some(joints))?;
+pub fn recording(path: &Path, robot: &Robot) -> Result<Recording> {
+    let recording = trical_recording::open(path, Some(robot.dof()))?;
+    refuse_other_units(&recording, robot)?;
     for note in &recording.notes {
         eprintln!("note: {note}");
     }
@@ -140,8 +141,8 @@ pub fn recording(path: &Path, joints: usize) -> Result<Recording> {
 }
 
 /// The recordings to be read in passes, if they are: where that is `wanted`, or where they are large and it is `allowed`.
-pub fn passes(paths: &[PathBuf], joints: usize, wanted: bool, allowed: bool) -> Result<Option<CsvStream>> {
-    open_large(paths, joints, wanted, allowed).map_err(|e| match e {
+pub fn passes(paths: &[PathBuf], robot: &Robot, wanted: bool, allowed: bool) -> Result<Option<CsvStream>> {
+    open_large(paths, robot, wanted, allowed).map_err(|e| match e {
         RecordError::Unreadable { .. } => CliError::Input(format!("{e}; trical convert saves what is whole in it")),
         e => e.into(),
     })
@@ -205,7 +206,7 @@ fn is_recording(path: &Path) -> bool {
     let read = file.take(4096).read_to_end(&mut head);
     let text = String::from_utf8_lossy(&head);
     let header = text.lines().next().unwrap_or_default().trim_start_matches('\u{feff}').to_lowercase();
-    let names = header.split([',', ';', '\t']).map(|name| name.trim().trim_matches('"'));
+    let names = header.split([',', ';', '\t', ' ']).map(|name| name.trim().trim_matches('"')).filter(|n| !n.is_empty());
     read.is_ok() && (is_mcap(path).unwrap_or(false) || columns::is_recording(names))
 }
 

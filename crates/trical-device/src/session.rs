@@ -127,6 +127,7 @@ impl Session<'_> {
     #[must_use]
     pub fn header(&self) -> Header {
         let mut header = Header::for_joints(self.robot.dof());
+        header.prismatic = self.robot.prismatic();
         header.start_ns = self.start_ns;
         header.attachments = vec![
             Attachment::toml("robot.toml", self.robot.to_toml()),

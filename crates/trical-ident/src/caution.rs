@@ -1,6 +1,6 @@
 //! What about a fit should make its owner look twice, though nothing is wrong with the arithmetic.
 
-use trical_model::{Basis, JointKind, Measured, Model, Motion, Parameter, Robot, Site, Term, Variable};
+use trical_model::{Axis, Basis, JointKind, Measured, Model, Motion, Parameter, Robot, Site, Term, Variable};
 
 use crate::dataset::Dataset;
 use crate::degenerate::hardly_moving;
@@ -22,6 +22,9 @@ const MUCH_MM: f64 = 1.0;
 
 /// Fewer numbers measured for each parameter than this leave little to check the fit with.
 const FEW: f64 = 2.0;
+
+/// Balls that lean by more than this against those of the first session are worth a word: gravity then has another direction by 2 % of itself, rad.
+const LEANS: f64 = 0.02;
 
 /// Joints are beyond their limits by more than this, rad (a prismatic one: m), before it is worth a word.
 const BEYOND: f64 = 0.02;
@@ -118,6 +121,7 @@ pub fn cautions(model: &Model, rows: usize, parameters: usize) -> Vec<String> {
             t.value.abs() * 1e3
         ));
     }
+    out.extend(leaning(model));
     if (rows as f64) < FEW * parameters as f64 {
         out.push(format!(
             "{rows} numbers were measured for {parameters} parameters: the error at these very measurements says little about the \
@@ -125,6 +129,32 @@ pub fn cautions(model: &Model, rows: usize, parameters: usize) -> Vec<String> {
         ));
     }
     out
+}
+
+/// What to say of a session whose balls lean against those of the first. These have the world frame, along whose z gravity acts in every session:
+/// touches alone cannot tell whether the balls were put down otherwise, or the arm.
+fn leaning(model: &Model) -> Option<String> {
+    let by_gravity = |t: &Term| {
+        use Variable::{FootMoment, Inclination, Moment, PartMoment};
+        matches!(t.basis.of, Moment { .. } | FootMoment { .. } | PartMoment { .. } | Inclination { .. })
+    };
+    let leans = |session: u32| {
+        let of = model.terms.iter().filter(|t| t.effect == "balls" && t.basis.session == Some(session));
+        let about = of.filter(|t| matches!(t.site, Site::Fixture(Motion::About(Axis::X | Axis::Y))));
+        about.map(|t| t.value).fold(0.0, f64::hypot)
+    };
+    let sessions: std::collections::BTreeSet<u32> = model.terms.iter().filter_map(|t| t.basis.session).collect();
+    let (session, leans) =
+        sessions.into_iter().map(|s| (s, leans(s))).max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, by)| *by > LEANS)?;
+    model.terms.iter().any(by_gravity).then(|| {
+        format!(
+            "the balls of recording {session} lean by {:.1} deg against those of the first. Gravity is taken along the z axis of the first recording's \
+             balls in all of them, which is right where the arm stood as before and those balls stood level: give the recording whose balls stood level first; \
+             where the arm itself was mounted otherwise, identify its recordings apart, or it gives way in a wrong direction by {:.0} %",
+            leans.to_degrees(),
+            leans.sin() * 100.0
+        )
+    })
 }
 
 /// What to say where links without masses are taken to weigh alike.
@@ -254,7 +284,7 @@ pub fn too_many(parameters: f64, fitted: usize, folds: &crate::folds::Folds) -> 
 mod tests {
     #![allow(clippy::unwrap_used)]
 
-    use trical_model::{Axis, Cell, Robot, Term};
+    use trical_model::{Cell, Robot, Term};
 
     use super::*;
 
@@ -309,6 +339,20 @@ mod tests {
         model.terms[0] = Term { value: -0.259, ..Term::new("a_2", "geometry", length, Basis::CONSTANT) };
         assert!(cautions(&model, 135, 31)[0].starts_with("a_2 comes out 259 mm from what the robot file has"));
         model.terms[0].value = 0.015;
+        assert!(cautions(&model, 135, 31).is_empty());
+        // a plate that leans, in the second session
+        let about_x = Site::Fixture(Motion::About(Axis::X));
+        let of_two = |deg: f64| Term {
+            value: deg.to_radians(),
+            ..Term::new("balls_rx_s2", "balls", about_x, Basis::CONSTANT.in_session(2))
+        };
+        model.terms.push(of_two(5.0));
+        assert!(cautions(&model, 135, 31).is_empty(), "nothing follows gravity");
+        let soft = Basis::torque(2, trical_model::Shape::Linear);
+        model.terms.push(Term::new("c_2", "compliance", Site::Joint { joint: 2 }, soft));
+        let said = cautions(&model, 135, 31).remove(0);
+        assert!(said.starts_with("the balls of recording 2 lean by 5.0 deg") && said.ends_with("by 9 %"), "{said}");
+        model.terms[1] = of_two(1.0);
         assert!(cautions(&model, 135, 31).is_empty());
     }
 }

@@ -5,7 +5,7 @@ use trical_model::{Cell, Forward, Measured, Robot, Workspace};
 use crate::dataset::{Dataset, Observation, Rejected};
 use crate::error::{IdentError, Result};
 use crate::fit::{check_observations, length, position_errors, weighted_residuals};
-use crate::identifiability::ParameterSet;
+use crate::identifiability::{Choice, OwnSetup, ParameterSet};
 use crate::identify::{manner, prepared};
 use crate::noise::Noise;
 use crate::sample::sample;
@@ -120,7 +120,9 @@ pub(crate) fn robust_fit_of_the_richest(robot: &Robot, cell: &Cell, data: &Datas
 }
 
 fn robust_fit(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet) -> Result<(Forward, Noise)> {
-    let (model, _) = prepared(robot, cell, data, &set.into())?;
+    // balls that were put down otherwise in another session are no gross errors
+    let own = OwnSetup { tool: Vec::new(), ..OwnSetup::all(data.names.len()) };
+    let (model, _) = prepared(robot, cell, data, &Choice::from(set).with_own(own))?;
     let known = crate::ball_places::usual(&model, data);
     let free: Vec<usize> = (0..model.terms.len()).collect();
     let mut solver = Solver::new(free.len());

@@ -92,7 +92,9 @@ pub fn simulate(
         };
         out.push(Row { state, measured, seq: None, line: k + 2 });
     }
-    Ok(Recording { name: "simulated".into(), joints: forward.model().robot.dof(), rows: out, ..Recording::default() })
+    let robot = &forward.model().robot;
+    let (name, prismatic) = ("simulated".into(), Some(robot.prismatic()));
+    Ok(Recording { name, joints: robot.dof(), prismatic, rows: out, ..Recording::default() })
 }
 
 fn nothing_at(aim: Aim) -> Measured {

@@ -356,6 +356,26 @@ fn balls_that_stood_elsewhere_in_another_session_are_found_and_refitted_in_a_thi
 }
 
 #[test]
+fn balls_that_lean_in_another_session_are_told_for_gravity_goes_by_those_of_the_first() {
+    let nominal = crate::arm::truth(ParameterSet::Compliance, 11);
+    let touched = |session: u64, lean: f64| {
+        let mut model = nominal.clone();
+        let turn = nalgebra::Rotation3::from_axis_angle(&Vector3::x_axis(), lean);
+        model.cell.balls.iter_mut().for_each(|ball| *ball = turn * *ball);
+        Recording { name: format!("touches{session}"), ..crate::arm::touch(&model, 90, NOISE, session) }
+    };
+    let told = |lean: f64| {
+        let sessions = [touched(1, 0.0), touched(2, lean)];
+        let c = learnt(&nominal, &sessions, ToolSharing::Same);
+        assert_eq!(c.rejected, 0, "{:?}", c.named);
+        c.cautions().into_iter().find(|c| c.contains("lean"))
+    };
+    let said = told(3_f64.to_radians()).unwrap();
+    assert!(said.starts_with("the balls of recording 2 lean by 3.0 deg against those of the first"), "{said}");
+    assert_eq!(told(0.3_f64.to_radians()), None);
+}
+
+#[test]
 fn intervals_of_predictions_hold_what_they_promise_on_another_day() {
     let truth = truth();
     // few poses, so that the parameters are as uncertain as the measurements

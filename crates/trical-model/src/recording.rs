@@ -181,8 +181,8 @@ pub struct Recording {
     pub name: String,
     /// Number of the arm's joints.
     pub joints: usize,
-    /// Which joints slide: files have them in mm. Joint 1 first.
-    pub prismatic: [bool; MAX_JOINTS],
+    /// Which joints slide, joint 1 first: files have them in mm. `None` where nothing says it, as of arrays in SI.
+    pub prismatic: Option<[bool; MAX_JOINTS]>,
     /// Names of the places where the set of balls stood, in the order of their first rows; empty where no row says so.
     pub places: Vec<String>,
     /// The rows.

@@ -229,6 +229,12 @@ impl Robot {
         }
     }
 
+    /// Which joints slide, joint 1 first.
+    #[must_use]
+    pub fn prismatic(&self) -> [bool; MAX_JOINTS] {
+        std::array::from_fn(|k| self.joints.get(k).is_some_and(|j| j.kind == JointKind::Prismatic))
+    }
+
     /// Reads the text of a `robot.toml`; `file` is its name for messages.
     ///
     /// # Errors

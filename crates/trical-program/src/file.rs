@@ -99,6 +99,7 @@ impl Job<'_> {
         read_with.extend(beside.read.into_inner());
         if dialect == Dialect::Rapid {
             read_with.extend(modules.used());
+            report.cautions.extend(modules.unread());
         }
         report.read_with = read_with;
         if self.out.is_none() {

@@ -10,6 +10,7 @@ use crate::dialects::rapid::{self, Effects, Exports};
 use crate::dialects::{Dialect, MARK};
 use crate::elsewhere::{Elsewhere, Goes, Motion, Outside};
 use crate::frames::{Frames, ToolFrame};
+use crate::report::listed;
 use crate::scan::hashed;
 use crate::text::contains;
 
@@ -20,7 +21,7 @@ const LARGEST: u64 = 16 << 20;
 /// Modules in the folder of a program; of a backup, also those of `PROGMOD` and `SYSMOD` of the same task.
 pub struct Modules {
     program: PathBuf,
-    read: OnceCell<Vec<Module>>,
+    read: OnceCell<(Vec<Module>, Vec<String>)>,
     used: RefCell<BTreeSet<usize>>,
     motions: OnceCell<HashMap<u64, BTreeSet<(usize, usize)>>>,
 }
@@ -49,8 +50,22 @@ impl Modules {
         used.iter().filter_map(|k| self.all().get(*k)).map(|m| m.file.clone()).collect()
     }
 
+    /// Modules that were not read, in one sentence.
+    #[must_use]
+    pub fn unread(&self) -> Option<String> {
+        let (_, unread) = self.read.get()?;
+        (!unread.is_empty()).then(|| {
+            format!(
+                "not read beside the program (larger than {} MiB, beyond the first {MOST} modules, or not readable): {}; their tools, work objects and routines \
+                 are not known, nor to which targets of this program they move",
+                LARGEST >> 20,
+                listed(unread.iter().cloned())
+            )
+        })
+    }
+
     fn all(&self) -> &[Module] {
-        self.read.get_or_init(|| modules_of(&self.program))
+        &self.read.get_or_init(|| modules_of(&self.program)).0
     }
 
     /// Motions (module and number) by what they go to: a name, what it is set from, and what a routine gets.
@@ -162,9 +177,11 @@ fn the_same<T: PartialEq>(mut all: Vec<Result<T, String>>, name: &str) -> Option
     Some(last)
 }
 
-fn modules_of(program: &Path) -> Vec<Module> {
-    let Ok(whole) = program.canonicalize() else { return Vec::new() };
-    let Some(folder) = whole.parent() else { return Vec::new() };
+/// The modules beside a program, and names of those that are not read.
+fn modules_of(program: &Path) -> (Vec<Module>, Vec<String>) {
+    let (mut modules, mut unread) = (Vec::new(), Vec::new());
+    let Ok(whole) = program.canonicalize() else { return (modules, unread) };
+    let Some(folder) = whole.parent() else { return (modules, unread) };
     let mut folders = vec![folder.to_owned()];
     let is_part =
         |p: &Path| p.file_name().is_some_and(|n| n.eq_ignore_ascii_case("PROGMOD") || n.eq_ignore_ascii_case("SYSMOD"));
@@ -177,17 +194,26 @@ fn modules_of(program: &Path) -> Vec<Module> {
         .flat_map(|folder| std::fs::read_dir(folder).into_iter().flatten().flatten())
         .map(|e| e.path())
         .filter(|p| Dialect::of(p) == Some(Dialect::Rapid) && p.canonicalize().is_ok_and(|p| p != whole))
-        .filter(|p| p.metadata().is_ok_and(|m| m.is_file() && m.len() <= LARGEST))
+        .filter(|p| p.metadata().is_ok_and(|m| m.is_file()))
         .collect();
     paths.sort_unstable();
-    let read = paths.into_iter().take(MOST).enumerate().filter_map(|(number, path)| {
-        let bytes = std::fs::read(&path).ok().filter(|bytes| !contains(bytes, MARK.as_bytes()))?;
+    for (number, path) in paths.into_iter().enumerate() {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let is_small = number < MOST && path.metadata().is_ok_and(|m| m.len() <= LARGEST);
+        let Some(bytes) = is_small.then(|| std::fs::read(&path).ok()).flatten() else {
+            unread.push(name);
+            continue;
+        };
+        // what was written for an earlier model
+        if contains(&bytes, MARK.as_bytes()) {
+            continue;
+        }
         let Exports { routines, frames, goes, given, .. } = rapid::for_others(&bytes, number);
-        let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
         let (mut goes, mut given): (Vec<_>, Vec<_>) = (goes.into_iter().collect(), given.into_iter().collect());
         goes.sort_unstable();
         given.sort_unstable();
-        Some(Module { file: path.display().to_string(), name, routines, frames, goes, given })
-    });
-    read.collect()
+        let (file, name) = (path.display().to_string(), name.to_lowercase());
+        modules.push(Module { file, name, routines, frames, goes, given });
+    }
+    (modules, unread)
 }

@@ -67,7 +67,7 @@ const REASONS: usize = 8;
 const PLACES: usize = 5;
 
 /// The first few of a list.
-fn listed(all: impl ExactSizeIterator<Item = String>) -> String {
+pub(crate) fn listed(all: impl ExactSizeIterator<Item = String>) -> String {
     let more = all.len().saturating_sub(REASONS);
     let first = all.take(REASONS).collect::<Vec<_>>().join(", ");
     if more == 0 { first } else { format!("{first} and {more} more") }

@@ -226,7 +226,7 @@ pub fn _observability(
     let (joints, set) = (source(joints)?.unwrap_or(JointSource::Read), parameter_set(set)?);
     let value = long(py, None, |_| -> Result<Value> {
         let (robot, cell) = read(&robot, &cell)?;
-        let data = Dataset::build(&read_all(&recordings, robot.dof())?, joints, None)?;
+        let data = Dataset::build(&read_all(&recordings, &robot)?, joints, None)?;
         let mut model = Model::nominal(robot, cell);
         model.frames = vec![Pose::identity(); data.frames()];
         let (terms, dependent) = independent_terms(&model, &data, &Choice::from(set))?;

@@ -38,7 +38,7 @@ fn square(values: &[f64], p: usize) -> Array2<f64> {
 }
 
 /// The recordings to be read in passes, where they are large files that can be, or this is asked for.
-fn stream(recordings: &[RecordingArgument], joints: usize, asked: &Options, wanted: bool) -> Result<Option<CsvStream>> {
+fn stream(recordings: &[RecordingArgument], robot: &Robot, asked: &Options, wanted: bool) -> Result<Option<CsvStream>> {
     let scored = asked.folds.is_some() || asked.hold_out_last.is_some();
     if wanted && scored {
         return Err(bad("stream goes without folds and hold_out_last: these need all rows at once").into());
@@ -50,7 +50,7 @@ fn stream(recordings: &[RecordingArgument], joints: usize, asked: &Options, want
     let Some(paths) = recordings.iter().map(path).collect::<Option<Vec<_>>>() else {
         return if wanted { Err(bad("stream reads paths of recordings only").into()) } else { Ok(None) };
     };
-    open_large(&paths, joints, wanted, !scored).map_err(|e| match e {
+    open_large(&paths, robot, wanted, !scored).map_err(|e| match e {
         RecordError::Unreadable { .. } => {
             RecordingError::new_err(format!("{e}; trical.convert saves what is whole in it")).into()
         }
@@ -95,11 +95,11 @@ pub fn _identify<'py>(
         let options = Options { choice, joints, folds, hold_out_last, keep_outliers, tool };
         task.step(0.0, "reading")?;
         if known.is_none()
-            && let Some(passes) = stream(&recordings, robot.dof(), &options, in_stream)?
+            && let Some(passes) = stream(&recordings, &robot, &options, in_stream)?
         {
             return Ok(calibrate_stream(&robot, &cell, &passes, &options, task)?);
         }
-        let recordings = read_all(&recordings, robot.dof())?;
+        let recordings = read_all(&recordings, &robot)?;
         Ok(calibrate(&robot, &cell, &recordings, &options, task)?)
     })?;
     let text = serde_json::to_string(&found)?;
@@ -174,7 +174,7 @@ pub fn _diagnose<'py>(
         return Err(bad("next: expected 1 to 1000 touches").into());
     }
     let (file, text, errors, planned, told) = long(py, progress, |task| -> Result<_> {
-        let recordings = read_all(&recordings, robot.dof())?;
+        let recordings = read_all(&recordings, &robot)?;
         let (found, source) = diagnose_recordings(&robot, &cell, &recordings, &options, task)?;
         let value = verdict_told::answer(&found, source)?;
         let errors =
@@ -215,7 +215,7 @@ pub fn _validate<'py>(
         let (robot, cell) = read(&robot, &cell)?;
         file.require_robot(&robot, "the model")?;
         task.step(0.0, "reading")?;
-        let recordings = read_all(&recordings, robot.dof())?;
+        let recordings = read_all(&recordings, &robot)?;
         task.step(0.3, "scoring")?;
         let v = validate(&robot, &cell, &file, &recordings, joints, refit)?;
         let text = serde_json::to_string(&v)?;
@@ -240,7 +240,7 @@ pub fn _history(
     if need_mm.is_some_and(|n| !(n > 0.0 && n.is_finite())) {
         return Err(bad("need_mm: expected a number above 0").into());
     }
-    let recordings = read_all(&recordings, file.model.robot.dof())?;
+    let recordings = read_all(&recordings, &file.model.robot)?;
     py.detach(|| Ok(serde_json::to_string(&history(&file.model.cell, &file, &recordings, joints, need_mm)?)?))
 }
 

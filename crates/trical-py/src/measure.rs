@@ -217,7 +217,8 @@ pub fn _touch_here(
         let finished = log.finish();
         let row = row.map_err(ended)?;
         finished.map_err(|e| ended(SessionError::Finish(e)))?;
-        Ok(Recording { name: out.display().to_string(), joints: robot.dof(), rows: vec![row], ..Recording::default() })
+        let (name, prismatic) = (out.display().to_string(), Some(robot.prismatic()));
+        Ok(Recording { name, joints: robot.dof(), prismatic, rows: vec![row], ..Recording::default() })
     })?;
     Ok(PyRows(Arc::new(recording)))
 }

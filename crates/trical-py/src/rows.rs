@@ -10,9 +10,9 @@ use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
 use trical_ident::write_whole;
-use trical_model::{MAX_JOINTS, Measured, Recording, Row, State};
+use trical_model::{MAX_JOINTS, Measured, Recording, Robot, Row, State};
 use trical_recording::mcap::{Header, write_recording};
-use trical_recording::{Places, open, open_damaged, parse, to_csv};
+use trical_recording::{Places, open, open_damaged, parse, refuse_other_units, to_csv};
 
 use crate::arrays::floats;
 use crate::errors::{RecordingError, Result, bad};
@@ -63,10 +63,14 @@ pub enum RecordingArgument {
 }
 
 /// Reads what is in files.
-pub fn read_all(list: &[RecordingArgument], joints: usize) -> Result<Vec<Recording>> {
-    let one = |r: &RecordingArgument| match r {
-        RecordingArgument::Rows(rows) => Ok(Recording::clone(&rows.get().0)),
-        RecordingArgument::Path(path) => load(path, Some(joints), false),
+pub fn read_all(list: &[RecordingArgument], robot: &Robot) -> Result<Vec<Recording>> {
+    let one = |r: &RecordingArgument| {
+        let recording = match r {
+            RecordingArgument::Rows(rows) => Recording::clone(&rows.get().0),
+            RecordingArgument::Path(path) => load(path, Some(robot.dof()), false)?,
+        };
+        refuse_other_units(&recording, robot)?;
+        Ok(recording)
     };
     list.iter().map(one).collect()
 }
@@ -149,7 +153,7 @@ struct Columns {
     directions: Column,
     torques: Column,
     place: Option<Vec<String>>,
-    prismatic: [bool; MAX_JOINTS],
+    prismatic: Option<[bool; MAX_JOINTS]>,
     time: Column,
     temperature: Column,
     payload: Column,
@@ -172,9 +176,10 @@ impl Columns {
         if let Some(found) = place.as_ref().map(Vec::len).filter(|found| *found != n) {
             return Err(wrong(format!("place has {found} names, expected {n}")));
         }
-        let mut prismatic = [false; MAX_JOINTS];
+        let mut prismatic = None;
         if let Some(slides) = columns.get_item("prismatic")? {
-            prismatic.iter_mut().zip(slides.extract::<Vec<bool>>()?).for_each(|(to, from)| *to = from);
+            let to = prismatic.insert([false; MAX_JOINTS]);
+            to.iter_mut().zip(slides.extract::<Vec<bool>>()?).for_each(|(to, from)| *to = from);
         }
         Ok(Self {
             q: column("q", joints)?,
@@ -380,8 +385,10 @@ impl PyRows {
                 let name = |r: &Row| r.state.place.and_then(|k| self.0.places.get(k)).cloned().unwrap_or_default();
                 Some(PyList::new(py, rows.iter().map(name))?.into_any())
             }
-            "prismatic" if !self.0.prismatic.contains(&true) => None,
-            "prismatic" => Some(PyList::new(py, self.0.prismatic.iter().take(n))?.into_any()),
+            "prismatic" => match self.0.prismatic {
+                Some(slides) => Some(PyList::new(py, slides.iter().take(n))?.into_any()),
+                None => None,
+            },
             "directions" if rows.iter().all(|r| r.state.dir.is_some()) => {
                 let all = Array2::from_shape_fn((rows.len(), n), |(k, j)| rows[k].state.dir.map_or(0, |d| d[j]));
                 Some(all.into_pyarray(py).into_any())

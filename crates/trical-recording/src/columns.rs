@@ -155,7 +155,7 @@ impl Unit {
     }
 
     /// The SI unit that is read in place of this one.
-    const fn si(self) -> Option<Self> {
+    pub(crate) const fn si(self) -> Option<Self> {
         match self {
             Self::Degree => Some(Self::Radian),
             Self::Millimetre => Some(Self::Metre),

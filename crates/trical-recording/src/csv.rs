@@ -567,7 +567,7 @@ pub fn parse_csv(bytes: &[u8], file: &str, joints: usize) -> Result<Recording> {
     if rows.is_empty() {
         return Err(problem(no_rows(&left_out)));
     }
-    let prismatic = parser.prismatic();
+    let prismatic = Some(parser.prismatic());
     let said: Vec<String> =
         encoded.map(str::to_owned).into_iter().chain(note).chain(self::left_out(&left_out)).collect();
     let notes = if said.is_empty() { Vec::new() } else { vec![format!("{file}: {}", said.join("; "))] };

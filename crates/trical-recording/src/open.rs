@@ -3,10 +3,10 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use trical_model::Recording;
+use trical_model::{Recording, Robot};
 
 use crate::bounds::check_file;
-use crate::columns::{Field, find};
+use crate::columns::{Field, column, find};
 use crate::csv::{header_names, load_csv, parse_csv, write_csv};
 use crate::error::{RecordError, Result};
 use crate::mcap::read_any;
@@ -149,6 +149,32 @@ pub fn open_damaged(path: &Path, joints: Option<usize>) -> Result<(Recording, Op
         Some(joints) => Err(error(format!("has {found} joints, but the robot has {joints}"))),
         None => Ok((read.recording, read.lost)),
     }
+}
+
+/// Refuses a recording in which a joint turns that slides in the robot, or the other way round: millimetres of a joint that turns would be
+/// fitted as radians.
+///
+/// # Errors
+/// One sentence with file, column, what was found and what was expected.
+pub fn refuse_other_units(recording: &Recording, robot: &Robot) -> Result<()> {
+    let (Some(found), expected) = (recording.prismatic, robot.prismatic()) else { return Ok(()) };
+    let Some(k) = found.iter().zip(&expected).take(robot.dof()).position(|(a, b)| a != b) else { return Ok(()) };
+    let q = column(Field::Joints);
+    let name = |prismatic| {
+        let unit = q.unit(k, prismatic);
+        let or = unit.si().map(|si| format!(" or {}", q.name(k, si))).unwrap_or_default();
+        q.name(k, unit) + &or
+    };
+    Err(RecordError::Csv {
+        file: recording.name.clone(),
+        place: format!("joint {}", k + 1),
+        problem: format!(
+            "found column {}, expected {}, for this joint of the robot {}",
+            name(&found),
+            name(&expected),
+            if expected[k] { "slides" } else { "turns" }
+        ),
+    })
 }
 
 /// The bytes of a CSV with all of a recording.

@@ -60,7 +60,11 @@ impl Shared {
     /// Of the rows of a recording.
     #[must_use]
     pub fn of(recording: &Recording) -> Self {
-        Self { joints: recording.joints, prismatic: recording.prismatic, places: recording.places.clone() }
+        Self {
+            joints: recording.joints,
+            prismatic: recording.prismatic.unwrap_or_default(),
+            places: recording.places.clone(),
+        }
     }
 
     /// The name of a place (from 0).

@@ -93,7 +93,8 @@ fn a_bag_gives_one_row_for_each_stop() {
     {
         assert!(said.contains(part), "{part} in {said}");
     }
-    let message = open_large(std::slice::from_ref(&path), 2, true, true).unwrap_err().to_string();
+    let message =
+        open_large(std::slice::from_ref(&path), &crate::robot(&["revolute"; 2]), true, true).unwrap_err().to_string();
     assert!(message.contains("run.mcap: has no measurements as TriCal writes them; a bag of others"), "{message}");
 }
 

@@ -3,12 +3,15 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use trical_model::{Measured, Recording};
+use crate::robot;
+use trical_model::{Measured, Recording, Row, State};
 use trical_recording::mcap::{Header, RecordingWriter, RunLog, each_row};
 use trical_recording::motion::JointSample;
 use trical_recording::stream::SAMPLE;
 use trical_recording::visits::Visits;
-use trical_recording::{CsvStream, RecordError, open, open_damaged, open_large, parse_csv, to_csv, write_recording};
+use trical_recording::{
+    CsvStream, RecordError, open, open_damaged, open_large, parse_csv, refuse_other_units, to_csv, write_recording,
+};
 
 /// A rail with an arm of two joints that senses torques, at two places.
 const RAIL: &str = "seq,place,q1_mm,q2_deg,q3_deg,qc1_mm,qc2_deg,qc3_deg,tau1_nm,tau2_nm,tau3_nm,ball,ix_mm,iy_mm,iz_mm\n\
@@ -39,12 +42,51 @@ fn places_torques_and_slides_are_read_as_they_are_written() {
     let r = rail();
     assert_eq!(r.places, ["left", "right, by the door"]);
     assert_eq!(r.rows.iter().map(|r| r.state.place).collect::<Vec<_>>(), [Some(0), Some(1), Some(0), None]);
-    assert_eq!(r.prismatic[..3], [true, false, false]);
+    assert_eq!(r.prismatic.unwrap()[..3], [true, false, false]);
     assert!((r.rows[0].state.q[0] - 1.2505).abs() < 1e-15 && (r.rows[0].state.q[1] - 10f64.to_radians()).abs() < 1e-15);
     assert!((r.rows[0].state.q_commanded.unwrap()[0] - 1.25025).abs() < 1e-15);
     assert_eq!(r.rows[0].state.torques.unwrap()[..3], [12.5, -3.25, 0.0]);
     assert!(r.rows[1].state.torques.is_none() && r.rows[2].state.q_commanded.is_none());
     assert_eq!(String::from_utf8(to_csv(&r).unwrap()).unwrap(), RAIL);
+}
+
+#[test]
+fn a_joint_in_another_unit_than_the_robots_is_refused_from_every_kind_of_file() {
+    let dir = tempfile::tempdir().unwrap();
+    let (slides, turns) = (robot(&["prismatic", "revolute", "revolute"]), robot(&["revolute"; 3]));
+    let [csv, mcap] = ["rail.csv", "rail.mcap"].map(|name| dir.path().join(name));
+    std::fs::write(&csv, "q1_m,q2_deg,q3_deg,x_mm,y_mm,z_mm\n1.25,0,1,2,3,4\n").unwrap();
+    write_recording(&mcap, &rail(), &Header::for_joints(3)).unwrap();
+    let says = "joint 1: found column q1_mm or q1_m, expected q1_deg or q1_rad, for this joint of the robot turns";
+    for path in [&csv, &mcap] {
+        let read = open(path, Some(3)).unwrap();
+        refuse_other_units(&read, &slides).unwrap();
+        let said = refuse_other_units(&read, &turns).unwrap_err().to_string();
+        assert_eq!(said, format!("{}, {says}", path.display()));
+    }
+    let said = open_large(std::slice::from_ref(&csv), &turns, true, true).unwrap_err().to_string();
+    assert!(said.ends_with(says), "{said}");
+    let deg = parse_csv(b"q1_rad,x_mm,y_mm,z_mm\n1,2,3,4\n", "r.csv", 1).unwrap();
+    let said = refuse_other_units(&deg, &robot(&["prismatic"])).unwrap_err().to_string();
+    assert!(
+        said.contains("found column q1_deg or q1_rad, expected q1_mm or q1_m,") && said.ends_with("slides"),
+        "{said}"
+    );
+    // arrays in SI do not say it
+    refuse_other_units(&Recording { joints: 3, prismatic: None, ..deg }, &slides).unwrap();
+}
+
+#[test]
+fn a_recording_that_is_being_measured_has_millimetres_of_joints_that_slide() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("rail.mcap");
+    let header = Header { prismatic: rail().prismatic.unwrap(), ..Header::for_joints(3) };
+    let mut writer = RecordingWriter::create(&path, &header).unwrap();
+    writer.measurement(&Row { state: State { place: None, ..rail().rows[0].state }, ..rail().rows[0] }).unwrap();
+    writer.finish().unwrap();
+    assert_eq!(open(&path, None).unwrap().prismatic, rail().prismatic);
+    let said = RecordingWriter::resume(&path, &Header::for_joints(3)).map(|_| ()).unwrap_err().to_string();
+    assert!(said.contains("unit of a joint"), "{said}");
 }
 
 #[test]
@@ -139,7 +181,7 @@ fn every_shared_recording_is_read_and_comes_back() {
         let header = text.lines().next().unwrap_or_default();
         assert_eq!(header.contains("place"), !r.places.is_empty(), "{name}");
         assert_eq!(header.contains("tau1_nm"), r.rows.iter().all(|r| r.state.torques.is_some()), "{name}");
-        assert_eq!(header.contains("q1_mm"), r.prismatic[0], "{name}");
+        assert_eq!(header.contains("q1_mm"), r.prismatic.unwrap()[0], "{name}");
         let again = parse_csv(&to_csv(&r).unwrap(), "again.csv", r.joints).unwrap();
         same(&again, &r);
         let mcap = dir.path().join("r.mcap");
@@ -165,7 +207,7 @@ fn radians_metres_angles_and_matrices_are_read_by_the_names_of_their_columns() {
         ),
     ] {
         let r = read(&text).unwrap();
-        assert_eq!(r.prismatic[..2], [true, false], "{text}");
+        assert_eq!(r.prismatic.unwrap()[..2], [true, false], "{text}");
         same(&r, &usual);
         let (Measured::Pose { position: a, quaternion: q }, Measured::Pose { position: b, quaternion: p }) =
             (r.rows[0].measured, usual.rows[0].measured)
@@ -217,8 +259,9 @@ fn of_a_large_file_a_sample_is_kept_from_all_over_and_every_row_is_counted() {
         assert!((share(&|line| line % 16 == k) - 1.0 / 16.0).abs() < 0.02, "remainder {k}");
     }
     // small files are read in passes where that is wanted, large ones where it is allowed
-    let opened =
-        |path: &PathBuf, wanted, allowed| open_large(std::slice::from_ref(path), 2, wanted, allowed).unwrap().is_some();
+    let opened = |path: &PathBuf, wanted, allowed| {
+        open_large(std::slice::from_ref(path), &robot(&["revolute"; 2]), wanted, allowed).unwrap().is_some()
+    };
     assert_eq!([opened(&path, false, true), opened(&path, true, false)], [false, true]);
     let large = dir.path().join("large.csv");
     std::fs::write(&large, points(10) + &"\n".repeat(33 << 20)).unwrap();

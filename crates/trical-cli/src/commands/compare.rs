@@ -57,7 +57,7 @@ impl Asked {
             input::check_output(path, recordings.iter().map(PathBuf::as_path).chain([model]))?;
         }
         let file = ModelFile::load(model)?;
-        let recordings = input::recordings(recordings, file.model.robot.dof())?;
+        let recordings = input::recordings(recordings, &file.model.robot)?;
         Ok((file, recordings, self.joints.and_then(Joints::source)))
     }
 

@@ -69,7 +69,7 @@ pub fn run(args: &Args) -> Result<()> {
             "--next: expected three [balls] in the cell that are not on one line; where others stand is not known beforehand".into(),
         ));
     }
-    let recordings = input::recordings(&args.recordings, robot.dof())?;
+    let recordings = input::recordings(&args.recordings, &robot)?;
     let known = args.known.as_deref().map(KnownParameters::load).transpose()?.unwrap_or_default();
     let (joints, tool) = (args.joints.source(), args.tool.sharing());
     let options = Options { joints, names_only: args.names_only, tool, known };

@@ -110,10 +110,10 @@ pub fn run(args: &Args) -> Result<()> {
     };
     let all_at_once = args.cross_validate.is_some() || args.hold_out_last.is_some() || args.known.is_some();
     let found = progress::with_bar("identifying", |task| -> Result<Calibration> {
-        if let Some(stream) = input::passes(&args.recordings, robot.dof(), args.stream, !all_at_once)? {
+        if let Some(stream) = input::passes(&args.recordings, &robot, args.stream, !all_at_once)? {
             return Ok(calibrate_stream(&robot, &cell, &stream, &options, task)?);
         }
-        let recordings = input::recordings(&args.recordings, robot.dof())?;
+        let recordings = input::recordings(&args.recordings, &robot)?;
         Ok(calibrate(&robot, &cell, &recordings, &options, task)?)
     })?;
     if let Some(out) = &args.out {

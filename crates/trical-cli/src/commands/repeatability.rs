@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::Vector3;
 use trical_ident::{Repeatability, repeatability};
 use trical_model::{Cell, Recording, Robot};
-use trical_recording::{is_mcap, load_csv, open_damaged, read_recording};
+use trical_recording::{is_mcap, load_csv, open_damaged, read_recording, refuse_other_units};
 use trical_report::table;
 
 use crate::error::{CliError, Result};
@@ -61,7 +61,9 @@ fn load(path: &Path, args: &Args) -> Result<(Recording, Option<Robot>, Option<Ce
     let mut cell = args.cell.as_ref().map(|p| Cell::load(p)).transpose()?;
     if !is_mcap(path)? {
         let joints = robot.as_ref().map_or(args.joints, Robot::dof);
-        return Ok((load_csv(path, joints)?, robot, cell));
+        let recording = load_csv(path, joints)?;
+        robot.as_ref().map_or(Ok(()), |robot| refuse_other_units(&recording, robot))?;
+        return Ok((recording, robot, cell));
     }
     let (recording, lost) = open_damaged(path, None)?;
     if let Some(lost) = lost {
@@ -73,6 +75,7 @@ fn load(path: &Path, args: &Args) -> Result<(Recording, Option<Robot>, Option<Ce
         robot = robot.or(arm);
         cell = cell.or(place);
     }
+    robot.as_ref().map_or(Ok(()), |robot| refuse_other_units(&recording, robot))?;
     Ok((recording, robot, cell))
 }
 

@@ -54,7 +54,7 @@ pub fn run(args: &Args) -> Result<()> {
     file.require_robot(&robot, &args.model.display().to_string())?;
     let refit = refit(&args.refit)?;
     let joints = args.joints.and_then(Joints::source);
-    let recordings = input::recordings(&args.recordings, robot.dof())?;
+    let recordings = input::recordings(&args.recordings, &robot)?;
     let v = validate(&robot, &cell, &file, &recordings, joints, refit)?;
     if let Some(path) = &args.report {
         write_whole(path, validate_report::render(&v, &file, input::made(&files))?.as_bytes())?;

@@ -100,6 +100,7 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
             spline: None,
             flow,
             motion_data: HashMap::new(),
+            products: HashMap::new(),
         };
         reader.scan.frames.tools.insert("0".into(), Ok(ToolFrame::massless(Pose::identity())));
         reader.scan.frames.frames.insert("0".into(), Ok(Pose::identity()));
@@ -114,6 +115,7 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
     for (name, setup) in said {
         reader.names.used(name, setup, Way::Said, 0);
     }
+    reader.in_products();
     let Reader { mut scan, mut names, .. } = reader;
     named.no_targets.iter().for_each(|name| names.no_target(*name));
     names.resolve(&mut scan, bytes, &|name| {
@@ -186,6 +188,8 @@ struct Reader<'a> {
     flow: Flow,
     /// What FDAT data say of the targets that go with them.
     motion_data: HashMap<u64, u32>,
+    /// Products of frames that the program assigns to names, as a tool and as a base.
+    products: HashMap<String, [String; 2]>,
 }
 
 impl<'a> Reader<'a> {

@@ -37,6 +37,30 @@ const HERE: [&[u8]; 6] = [
 /// From a place to joints and back: the place is the same, with the tool that is set.
 const KINEMATICS: [&[u8]; 2] = [b"get_inverse_kin", FORWARD];
 const FORWARD: &[u8] = b"get_forward_kin";
+/// Functions of the language whose values may stand in a place, beside those that begin as [`ASKS`].
+const VALUES: [&[u8]; 20] = [
+    b"acos",
+    b"asin",
+    b"atan",
+    b"atan2",
+    b"ceil",
+    b"cos",
+    b"d2r",
+    b"dot",
+    b"floor",
+    b"interpolate_pose",
+    b"inv",
+    b"length",
+    b"norm",
+    b"pow",
+    b"r2d",
+    b"random",
+    b"sin",
+    b"sqrt",
+    b"tan",
+    b"wrench_trans",
+];
+const ASKS: [&[u8]; 7] = [b"get_", b"pose_", b"read_", b"is_", b"to_", b"rotvec2", b"rpy2"];
 /// Functions of the language that are given places and move nothing.
 const SHOW: [&[u8]; 5] = [b"textmsg", b"popup", b"socket_send_string", b"socket_send_line", b"set_pos"];
 /// Functions behind which motions end elsewhere than they say.
@@ -75,12 +99,16 @@ pub fn scan(bytes: &[u8]) -> Scan {
             near: HashMap::new(),
             functions: HashSet::new(),
             given: Vec::new(),
+            computing: Vec::new(),
         };
         reader.file();
         (std::mem::take(&mut reader.flow), reader)
     };
     let reader = Flow::read(pass, |r| &mut r.scan, None);
-    let Reader { mut scan, mut names, functions, given, .. } = reader;
+    let Reader { mut scan, mut names, functions, given, computing, .. } = reader;
+    for (at, name) in computing.into_iter().filter(|(_, name)| !functions.contains(&hashed(name.as_bytes()))) {
+        scan.problem(at, format!("goes where '{name}' says, a function that is not in the script"));
+    }
     for (_, at) in given.into_iter().filter(|(name, _)| !functions.contains(name)) {
         scan.problem(at, "gives a place to a function that is not in the script: where the arm goes is not corrected");
     }
@@ -130,14 +158,21 @@ struct Reader<'a> {
     functions: HashSet<u64>,
     /// Functions that are given places, and where.
     given: Vec<(u64, usize)>,
+    /// Functions that say how far from a target a place is, and where.
+    computing: Vec<(usize, String)>,
 }
 
-impl Reader<'_> {
+impl<'a> Reader<'a> {
     fn file(&mut self) {
         while let Some((from, word)) = self.c.next_word() {
             if is_motion(word) {
                 if self.c.eat(b'(') {
                     let inside = self.c;
+                    // before the arm moves
+                    for (name, word, behind) in self.functions_ahead() {
+                        self.flow.perhaps_called_as(name, word, &behind, &mut self.now);
+                        self.names.called(name, false);
+                    }
                     self.motion(has_two(word));
                     // what else stands there (`a=1.2`) assigns nothing
                     self.c = inside;
@@ -333,6 +368,41 @@ impl Reader<'_> {
             self.names.visit(Visit::Unknown);
             self.scan.goes_to_calculated(at);
         }
+    }
+
+    /// Functions that are called from here to the parenthesis that closes the one that was passed, or to the end of the line.
+    fn functions_ahead(&self) -> Vec<(u64, &'a [u8], Cursor<'a>)> {
+        let mut end = self.c;
+        let mut found = Vec::new();
+        let mut depth = 0;
+        while !end.done() && depth >= 0 && end.peek() != b'\n' {
+            let word = end.word();
+            match end.peek() {
+                b'(' if !word.is_empty() => found.push((hashed(word), word, end)),
+                _ if !word.is_empty() => continue,
+                b'(' => depth += 1,
+                b')' => depth -= 1,
+                b'"' => {
+                    end.skip_string();
+                    continue;
+                }
+                b'#' => break,
+                _ => {}
+            }
+            end.at += usize::from(word.is_empty());
+        }
+        found
+    }
+
+    /// A place from here on is as far from a target as functions say; they are listed where nobody has read them.
+    fn computed_by(&mut self) {
+        let others = self.functions_ahead().into_iter().filter(|(_, word, _)| {
+            !VALUES.contains(word) && !HERE.contains(word) && !ASKS.iter().any(|begin| word.starts_with(begin))
+        });
+        let others: Vec<_> = others
+            .map(|(_, word, behind)| (behind.at - word.len(), String::from_utf8_lossy(word).into_owned()))
+            .collect();
+        self.computing.extend(others);
     }
 
     /// To the parenthesis that closes the one that was passed.

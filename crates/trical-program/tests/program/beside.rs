@@ -82,6 +82,20 @@ fn a_tool_with_two_meanings_beside_the_program_is_refused() {
     assert_eq!((report.rewritten, report.problems.len()), (1, 0), "{report:?}");
 }
 
+#[test]
+fn a_module_that_is_too_large_to_be_read_is_named() {
+    let main = "MODULE Main\nPROC main()\nMoveL TARGET,v1,fine,tGrip;\nENDPROC\nENDMODULE\n";
+    let tool = "PERS tooldata tGrip:=[TRUE,[[0,0,80],[1,0,0,0]],[1,[0,0,40],[1,0,0,0],0,0,0]];\n";
+    let large = format!("MODULE Large\n{tool}{}ENDMODULE\n", "!\n".repeat(9 << 20));
+    let report = checked("large", IRB, &[("main.mod", main), ("Large.mod", &large)]);
+    assert!(report.problems[0].what.contains("tool 'tgrip' is not declared"), "{report:?}");
+    let said = report.cautions.iter().find(|c| c.starts_with("not read beside the program")).unwrap();
+    assert!(said.contains("16 MiB") && said.contains(": Large.mod; their tools"), "{said}");
+    let small = format!("MODULE Small\n{tool}ENDMODULE\n");
+    let report = checked("small", IRB, &[("main.mod", main), ("Small.mod", &small)]);
+    assert!(report.rewritten == 1 && !report.cautions.iter().any(|c| c.starts_with("not read")), "{report:?}");
+}
+
 /// A module of targets and tools, with what else stands in it.
 fn targets(more: &str) -> String {
     format!(

@@ -5,8 +5,9 @@ use std::borrow::Cow;
 use crate::columns;
 
 /// Separators that are known, beside the comma, and what is said of them.
-const SEPARATORS: [(char, &str); 2] =
-    [(';', "columns are separated by semicolons"), ('\t', "columns are separated by tabs")];
+const SEPARATORS: [(char, &str); 2] = [(';', "columns are separated by semicolons"), ('\t', TABS)];
+const TABS: &str = "columns are separated by tabs";
+const SPACES: &str = "columns are separated by spaces";
 
 /// What joints are called, beside q, in names that say a unit.
 const JOINTS: [&str; 5] = ["q", "j", "joint", "axis", "theta"];
@@ -150,14 +151,32 @@ fn with_units<'a>(names: &[String], line: impl Iterator<Item = &'a str>) -> Opti
     names.iter().zip(&units).map(one).collect()
 }
 
+/// The text with a tab in place of each run of spaces, where its header has no other separator: a recording has more than one column. What a
+/// cell with a space, or none at all, does to its line is refused by the number of its fields.
+fn with_tabs(text: &str) -> Option<String> {
+    let head = header(text);
+    let spaces = !head.contains([',', ';', '\t']) && head.trim_start_matches('#').split_whitespace().nth(1).is_some();
+    let tabs = |line: &str| match line.strip_prefix('#') {
+        _ if is_remark(line) => line.to_owned(),
+        Some(head) => format!("#{}", tabs_between(head)),
+        None => tabs_between(line),
+    };
+    spaces.then(|| text.split('\n').map(tabs).collect::<Vec<_>>().join("\n"))
+}
+
+fn tabs_between(line: &str) -> String {
+    line.split_whitespace().collect::<Vec<_>>().join("\t")
+}
+
 /// A line that is none of the table: "# measured on Monday", "sep=;". Behind the same sign a header stands, too ("# q1_deg,q2_deg").
 fn is_remark(line: &str) -> bool {
     let Some(rest) = line.strip_prefix('#') else { return line.trim_end().len() == 5 && line.starts_with("sep=") };
-    let named = |by: char| {
-        let names: Vec<String> = rest.split(by).map(known_name).collect();
-        rest.starts_with(by) || columns::is_recording(names.iter().map(String::as_str))
+    let named = |names: &mut dyn Iterator<Item = &str>| {
+        let names: Vec<String> = names.map(known_name).collect();
+        columns::is_recording(names.iter().map(String::as_str))
     };
-    ![',', ';', '\t'].into_iter().any(named)
+    let separated = |by: char| rest.starts_with(by) || named(&mut rest.split(by));
+    ![',', ';', '\t'].into_iter().any(separated) && !named(&mut rest.split_whitespace())
 }
 
 /// The text of a file, its lines ending with \n, and what was done for it; `None` where it is none.
@@ -193,7 +212,7 @@ fn note(done: &mut Vec<&'static str>, what: &'static str) {
 
 /// The names of the columns, as they are known.
 pub(super) fn names(text: &str) -> Vec<String> {
-    Form::of(text).names
+    Form::of(with_tabs(text).as_deref().unwrap_or(text)).names
 }
 
 /// A text made tidy.
@@ -208,6 +227,10 @@ pub(super) struct Tidied<'a> {
 /// The text with commas and decimal points, column names as they are known, without an index column; line numbers stay from
 /// the header on.
 pub(super) fn tidied(text: &str) -> Tidied<'_> {
+    if let Some(tabs) = with_tabs(text) {
+        let Tidied { text, before, note } = tidied(&tabs);
+        return Tidied { text: Cow::Owned(text.into_owned()), before, note: note.map(|n| n.replace(TABS, SPACES)) };
+    }
     let form = Form::of(text);
     // a quoted cell may hold anything: such a file is read as it is
     if text.contains('"') && form.separated.is_none() || form.is_tidy(text) {
@@ -321,11 +344,17 @@ mod tests {
         let excel = format!("sep=;\r\n{}", german.replace('\n', "\r\n").replace("-2,5", "\"-2,5\""));
         let trailing = PLAIN.replace('\n', ",\n");
         let mac = PLAIN.replace('\n', "\r");
+        let spaces = PLAIN.replace(',', " ");
+        let aligned = PLAIN.replace(',', "   ").replace("\n1", " \n  1").replace('.', ",");
+        let savetxt_spaces = format!("# {spaces}");
         for (text, says) in [
             (brackets.as_str(), "as q1_deg, x_mm"),
             (&units, "as q1_deg, x_mm"),
             (&remarks, "remarks"),
             (&savetxt, ""),
+            (&spaces, "columns are separated by spaces"),
+            (&aligned, "decimal commas; separated by spaces"),
+            (&savetxt_spaces, "separated by spaces"),
             (&excel, "remarks; decimal commas"),
             (&trailing, "the last column is empty"),
             (&mac, ""),
@@ -376,6 +405,15 @@ mod tests {
         let named =
             PLAIN.replacen("t_s", "index,colour,t_s", 1).replace("\n0,", "\n7,red,0,").replace("\n1,", "\n7,red,1,");
         assert!(says(&named).contains("unknown columns 'index', 'colour'"), "{}", says(&named));
+        // a cell that is empty, or has a space in it, moves those behind it
+        let spaces = PLAIN.replace(',', " ");
+        for (line, fields) in [("1 2.5 3.5 101 4", 5), ("1 2.5 3.5 101 by the 4", 7)] {
+            let moved = spaces.replace("1 2.5 3.5 101 0 4", line);
+            let expected = format!("line 3: found {fields} fields, expected 6 as in the header");
+            assert!(says(&moved).contains(&expected), "{}", says(&moved));
+        }
+        let named = spaces.replacen("x_mm", "X [mm]", 1);
+        assert!(says(&named).contains("unknown columns 'X', '[mm]'; known are"), "{}", says(&named));
         // no header at all
         let bare = PLAIN.split_once('\n').expect("two lines").1;
         assert!(says(bare).contains("header: found numbers, expected names of columns"), "{}", says(bare));

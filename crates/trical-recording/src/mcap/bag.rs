@@ -8,7 +8,7 @@ use std::path::Path;
 
 use trical_model::pose::{quaternion_from_rotation, rotation_from_quaternion};
 use trical_model::recording::{Joints, MAX_JOINTS, Measured, Recording, Row, State};
-use trical_model::{JointKind, urdf};
+use trical_model::urdf;
 
 use super::cdr::{JointState, Stamped, StampedKind, string_from_cdr};
 use super::schema;
@@ -117,9 +117,7 @@ pub(super) fn recording(
     ));
     notes.push(format!("positions in m in the frame '{}', which is taken as the measuring frame", instrument.frame));
     let described = described.as_ref().filter(|d| d.joints.len() == order.len());
-    let slides =
-        |k: usize| described.and_then(|d| d.robot.joints.get(k)).is_some_and(|j| j.kind == JointKind::Prismatic);
-    let prismatic = std::array::from_fn(slides);
+    let prismatic = described.map(|d| d.robot.prismatic());
     let name = path.display().to_string();
     let notes = notes.into_iter().map(|n| format!("{name}: {n}")).collect();
     Ok(Recording { name, joints: order.len(), prismatic, places: Vec::new(), rows: stands.rows, notes })

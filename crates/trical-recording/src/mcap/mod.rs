@@ -16,7 +16,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use trical_model::recording::{Recording, Row};
-use trical_model::{Cell, Robot};
+use trical_model::{Cell, MAX_JOINTS, Robot};
 
 use crate::error::RecordError;
 use crate::motion::JointSample;
@@ -50,6 +50,8 @@ impl Attachment {
 pub struct Header {
     /// Names of the arm's joints, joint 1 first.
     pub joint_names: Vec<String>,
+    /// Which of them slide, joint 1 first.
+    pub prismatic: [bool; MAX_JOINTS],
     /// When the recording began, in ns since 1970; times in the recording count from it.
     pub start_ns: u64,
     /// The robot and cell files.
@@ -68,6 +70,7 @@ impl Header {
     pub fn for_joints(joints: usize) -> Self {
         Self {
             joint_names: (1..=joints).map(|joint| format!("joint_{joint}")).collect(),
+            prismatic: [false; MAX_JOINTS],
             start_ns: 0,
             attachments: Vec::new(),
             settings: BTreeMap::new(),

@@ -114,6 +114,7 @@ pub(super) fn interpret(path: &Path, raw: &RawFile) -> Result<ReadRecording, Rec
         }
     }
     let Shared { joints, prismatic, places } = reader.shared();
+    let prismatic = Some(prismatic);
     let recording = Recording { name: path.display().to_string(), joints, prismatic, places, rows, notes: Vec::new() };
     Ok(ReadRecording {
         recording,

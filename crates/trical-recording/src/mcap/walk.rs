@@ -6,6 +6,8 @@
 use std::collections::{BTreeMap, HashMap};
 use std::io::Read;
 
+use ruzstd::decoding::StreamingDecoder;
+
 use super::Attachment;
 
 /// A message as it stands in the file.
@@ -194,8 +196,12 @@ impl RawFile {
         let whole = chunk.whole();
         let unpacked = match (chunk.compression, whole) {
             ("", Some(data)) => Some(data.to_vec()),
-            ("lz4", Some(data)) => unpack_lz4(data, chunk.uncompressed_size),
-            ("zstd", Some(data)) => unpack_zstd(data, chunk.uncompressed_size),
+            ("lz4", Some(data)) => {
+                lz4::Decoder::new(data).ok().and_then(|from| unpacked(from, chunk.uncompressed_size))
+            }
+            ("zstd", Some(data)) => {
+                StreamingDecoder::new(data).ok().and_then(|from| unpacked(from, chunk.uncompressed_size))
+            }
             ("" | "lz4" | "zstd", None) => None,
             (other, _) => {
                 return Err(format!(
@@ -318,16 +324,10 @@ impl<'a> ChunkHead<'a> {
     }
 }
 
-fn unpack_lz4(data: &[u8], size: u64) -> Option<Vec<u8>> {
+/// The records of a chunk, which are `size` bytes as it says: of one with more, those behind would be lost in silence.
+fn unpacked(from: impl Read, size: u64) -> Option<Vec<u8>> {
     let mut out = Vec::new();
-    lz4::Decoder::new(data).ok()?.take(size.min(LARGEST_CHUNK)).read_to_end(&mut out).ok()?;
-    (out.len() as u64 == size).then_some(out)
-}
-
-fn unpack_zstd(data: &[u8], size: u64) -> Option<Vec<u8>> {
-    let mut out = Vec::new();
-    let decoder = ruzstd::decoding::StreamingDecoder::new(data).ok()?;
-    decoder.take(size.min(LARGEST_CHUNK)).read_to_end(&mut out).ok()?;
+    from.take(size.min(LARGEST_CHUNK) + 1).read_to_end(&mut out).ok()?;
     (out.len() as u64 == size).then_some(out)
 }
 
@@ -374,17 +374,38 @@ impl<'a> Cursor<'a> {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
+
     use super::*;
     use proptest::prelude::*;
 
     #[test]
-    fn a_packed_chunk_comes_back_and_one_that_is_shorter_than_it_says_does_not() {
+    fn a_packed_chunk_comes_back_and_one_that_is_shorter_or_longer_than_it_says_is_damaged() {
         use ruzstd::encoding::{CompressionLevel, compress_to_vec};
-        let data = b"measurements, measurements, measurements".repeat(100);
-        let packed = compress_to_vec(&data[..], CompressionLevel::Fastest);
-        assert_eq!(unpack_zstd(&packed, data.len() as u64).as_deref(), Some(&data[..]));
-        assert_eq!(unpack_zstd(&packed, data.len() as u64 + 1), None);
-        assert_eq!(unpack_zstd(&data, data.len() as u64), None);
+        // a metadata record: its name and an empty map
+        let record = [&[METADATA, 9, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0][..], b"n", &[0; 4]].concat();
+        let data = record.repeat(100);
+        let zstd = compress_to_vec(&data[..], CompressionLevel::Fastest);
+        let mut lz4 = lz4::EncoderBuilder::new().build(Vec::new()).unwrap();
+        std::io::Write::write_all(&mut lz4, &data).unwrap();
+        let lz4 = lz4.finish().0;
+        for (compression, packed) in [("zstd", zstd), ("lz4", lz4), ("zstd", data.clone())] {
+            for more in [0_i64, 1, -1, -18] {
+                let mut content = vec![0; 16];
+                content.extend((data.len() as i64 + more).to_le_bytes());
+                content.extend([0; 4]);
+                content.extend((compression.len() as u32).to_le_bytes());
+                content.extend(compression.as_bytes());
+                content.extend((packed.len() as u64).to_le_bytes());
+                content.extend(&packed);
+                let mut file = RawFile::default();
+                file.chunk(&content, 8).unwrap();
+                let whole = more == 0 && packed != data;
+                assert_eq!(file.metadata.len(), if whole { 100 } else { 0 }, "{compression} {more}");
+                let damaged: &[&str] = if whole { &[] } else { &["the chunk at byte 8 is damaged and left out"] };
+                assert_eq!(file.losses, damaged, "{compression} {more}");
+            }
+        }
     }
 
     proptest! {

@@ -142,6 +142,10 @@ impl RecordingWriter {
         if !read.recording.rows.is_empty() && read.recording.joints != header.joint_names.len() {
             return Err(different("number of joints"));
         }
+        if read.recording.prismatic.is_some_and(|slides| !read.recording.rows.is_empty() && slides != header.prismatic)
+        {
+            return Err(different("unit of a joint"));
+        }
         // a file that was cut before its first message says nothing of when it began either
         if raw.messages.is_empty() {
             return Ok((Self::begin(path, header, None)?, Some(read)));
@@ -158,7 +162,8 @@ impl RecordingWriter {
 
     /// Begins in a file beside, which takes the name once its head is whole.
     fn begin(path: &Path, header: &Header, before: Option<&RawFile>) -> Result<Self, RecordError> {
-        let mut writer = Self::begin_beside(path, header, Shared::for_joints(header.joint_names.len()), before)?;
+        let shared = Shared { prismatic: header.prismatic, ..Shared::for_joints(header.joint_names.len()) };
+        let mut writer = Self::begin_beside(path, header, shared, before)?;
         if let Some(raw) = before {
             writer.copy(raw)?;
         }

@@ -5,13 +5,13 @@ use std::io::{BufRead, BufReader, BufWriter};
 use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
-use trical_model::Row;
+use trical_model::{Robot, Row};
 
 use super::CsvStream;
 use crate::csv::{CsvWriter, Layout};
 use crate::error::{RecordError, Result};
 use crate::mcap::each_row;
-use crate::open::is_mcap;
+use crate::open::{is_mcap, refuse_other_units};
 use crate::shared::Shared;
 
 /// CSV recordings beyond this are better read in passes, bytes: some 300 000 touches.
@@ -20,11 +20,11 @@ const LARGE_CSV: u64 = 32 << 20;
 /// Recordings with the history of the joints beyond this, bytes.
 const LARGE_MCAP: u64 = 512 << 20;
 
-/// The recordings to be read in passes: where that is `wanted`, or where they are large, it is `allowed`, and they can be.
+/// The recordings of an arm to be read in passes: where that is `wanted`, or where they are large, it is `allowed`, and they can be.
 ///
 /// # Errors
 /// As [`CsvStream::open`]; an MCAP recording that is damaged or of another arm; no room for temporary files.
-pub fn open_large(recordings: &[PathBuf], joints: usize, wanted: bool, allowed: bool) -> Result<Option<CsvStream>> {
+pub fn open_large(recordings: &[PathBuf], robot: &Robot, wanted: bool, allowed: bool) -> Result<Option<CsvStream>> {
     let mut size = [0, 0];
     let mut of_mcap = Vec::with_capacity(recordings.len());
     for path in recordings {
@@ -36,7 +36,7 @@ pub fn open_large(recordings: &[PathBuf], joints: usize, wanted: bool, allowed: 
     if !(wanted || large && allowed) {
         return Ok(None);
     }
-    match open(&of_mcap, joints) {
+    match open(&of_mcap, robot) {
         Ok(stream) => Ok(Some(stream)),
         Err(e) if wanted => Err(e),
         // what cannot be read in passes (fixed references, a pipe) is read at once, and has its errors named there
@@ -44,7 +44,7 @@ pub fn open_large(recordings: &[PathBuf], joints: usize, wanted: bool, allowed: 
     }
 }
 
-fn open(recordings: &[(&PathBuf, bool)], joints: usize) -> Result<CsvStream> {
+fn open(recordings: &[(&PathBuf, bool)], robot: &Robot) -> Result<CsvStream> {
     refuse_copies(recordings)?;
     let any = recordings.iter().any(|(_, is_mcap)| *is_mcap);
     let folder = if any { Some(TempDir::new().map_err(RecordError::Scratch)?) } else { None };
@@ -53,14 +53,16 @@ fn open(recordings: &[(&PathBuf, bool)], joints: usize) -> Result<CsvStream> {
         let file = match &folder {
             Some(folder) if *is_mcap => {
                 let csv = folder.path().join(format!("{k}.csv"));
-                write_as_csv(path, &csv, joints)?;
+                write_as_csv(path, &csv, robot.dof())?;
                 csv
             }
             _ => (*path).clone(),
         };
         files.push((file, path.display().to_string()));
     }
-    CsvStream::open_as(files, joints, folder)
+    let stream = CsvStream::open_as(files, robot.dof(), folder)?;
+    stream.heads()?.iter().try_for_each(|head| refuse_other_units(head, robot))?;
+    Ok(stream)
 }
 
 /// Refuses files with the same bytes: rows of the sample, by which others are told to be the same, are not those of a copy.
@@ -133,9 +135,11 @@ mod tests {
             path
         };
         let (a, copy, other) = (file("a.csv", &rows), file("b.csv", &rows), file("c.csv", &rows.replace("7,0", "6,0")));
+        let mut robot = Robot::parse(include_str!("../../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
+        robot.joints.truncate(2);
         let told = |files: &[&PathBuf]| {
             let files: Vec<PathBuf> = files.iter().map(|f| (*f).clone()).collect();
-            open_large(&files, 2, true, true).map(|_| ()).map_err(|e| e.to_string())
+            open_large(&files, &robot, true, true).map(|_| ()).map_err(|e| e.to_string())
         };
         assert_eq!(told(&[&a, &other]), Ok(()));
         let error = told(&[&a, &other, &copy]).unwrap_err();

@@ -110,6 +110,15 @@ impl CsvStream {
         Ok(Self { files, joints, _folder: folder })
     }
 
+    /// What the headers say of the recordings, without rows.
+    fn heads(&self) -> Result<Vec<Recording>> {
+        let head = |f: &Source| {
+            let prismatic = Some(Parser::new(&f.name, &f.header, self.joints)?.prismatic());
+            Ok(Recording { name: f.name.clone(), joints: self.joints, prismatic, ..Recording::default() })
+        };
+        self.files.iter().map(head).collect()
+    }
+
     /// Bytes of all files.
     #[must_use]
     pub fn bytes(&self) -> u64 {
@@ -166,14 +175,7 @@ impl CsvStream {
         let lines: u64 =
             self.files.iter().zip(&start).map(|(f, (bytes, lines))| f.bytes * lines.max(&1) / bytes.max(&1)).sum();
         let every = lines.div_ceil(SAMPLE as u64).max(1);
-        let mut recordings: Vec<Recording> = self
-            .files
-            .iter()
-            .map(|f| {
-                let prismatic = Parser::new(&f.name, &f.header, self.joints)?.prismatic();
-                Ok(Recording { name: f.name.clone(), joints: self.joints, prismatic, ..Recording::default() })
-            })
-            .collect::<Result<_>>()?;
+        let mut recordings = self.heads()?;
         let mut rows = 0;
         let mut rows_of_file = vec![0; self.files.len()];
         let mut left_out = vec![Vec::new(); self.files.len()];

@@ -213,17 +213,77 @@ impl Reader<'_> {
         let is_part = self.c.bytes.get(whole..self.c.at).is_some_and(|part| !part.trim_ascii().is_empty());
         self.c.at += 1;
         self.c.skip_blank();
-        let frame = if is_part || self.c.peek() != b'{' { Err(calculated(&name)) } else { self.given(&name) };
+        let frame = if is_part { Err(calculated(&name)) } else { self.given(&name) };
         if name.split_once('[').is_some_and(|(_, index)| !is_number(index.trim_end_matches(']').trim())) {
             self.scan.problem(from, changed_here("a tool or base"));
         }
         self.declare(&name, frame);
     }
 
-    /// The frame of the `{...}` at the cursor, where it is all that is assigned to this name.
+    /// The frame that is assigned to this name, at the cursor: `{...}`, also several with the geometric operator between them. Frames that the
+    /// program names among them may stand below or in other files: they are multiplied when all is read ([`Self::in_products`]).
     fn given(&mut self, name: &str) -> Result<Pose, String> {
-        let found = self.aggregate();
-        if self.c.eat_in_line(b':') { Err(calculated(name)) } else { self.frame(&found) }
+        let start = self.c;
+        let mut product = Pose::identity();
+        while self.c.peek() == b'{' {
+            let found = self.aggregate();
+            product = product.compose(&self.frame(&found)?);
+            if !self.c.eat_in_line(b':') {
+                return Ok(product);
+            }
+        }
+        let both = [true, false].map(|is_tool| {
+            self.c = start;
+            self.current(is_tool)
+        });
+        self.c.skip_blank();
+        let is_whole = matches!(self.c.peek(), b'\n' | b'\r' | b';' | 0);
+        if is_whole && both.iter().all(|product| product.contains(TIMES) && product.split(TIMES).all(|one| one != name))
+        {
+            self.products.insert(name.to_owned(), both);
+        }
+        Err(calculated(name))
+    }
+
+    /// Puts products of frames in the places of the names that they are assigned to, where that is so once in the program.
+    pub(super) fn in_products(&mut self) {
+        let mut setups = std::mem::take(&mut self.scan.setups);
+        for setup in &mut setups {
+            for is_tool in [true, false] {
+                let slot = setup.slot(is_tool);
+                let Some(name) = slot.clone() else { continue };
+                let one = |part: &str| {
+                    let data = if is_tool { "tool_data" } else { "base_data" };
+                    let name = if is_number(part) { format!("{data}[{part}]") } else { part.to_owned() };
+                    let product = self.products.get(&name).filter(|_| self.assigned_once(&name));
+                    product.map_or_else(|| part.to_owned(), |both| both[usize::from(!is_tool)].clone())
+                };
+                *slot = Some(name.split(TIMES).map(one).collect::<Vec<_>>().join(TIMES));
+            }
+        }
+        self.scan.setups = setups;
+    }
+
+    /// Whether the program assigns something to this name (of an element: with its index), and not to a part of it, in one place only.
+    fn assigned_once(&self, name: &str) -> bool {
+        let stem = name.split('[').next().unwrap_or(name).as_bytes();
+        let mut c = crate::text::Cursor::new(self.c.bytes, b';');
+        let mut times = 0;
+        while let Some((from, word)) = c.next_word() {
+            if !word.eq_ignore_ascii_case(stem) {
+                continue;
+            }
+            c.skip_blank();
+            if c.peek() == b'[' {
+                c.skip_past(b']', b"\n\r");
+            }
+            let whole = lower(c.bytes.get(from..c.at).unwrap_or(&[]));
+            if whole.bytes().filter(|b| !b.is_ascii_whitespace()).eq(name.bytes()) {
+                c.skip_blank();
+                times += if c.peek() == b'.' { 2 } else { usize::from(c.assigns()) };
+            }
+        }
+        times == 1
     }
 
     /// Keeps a frame of the program under its name; it may be used as a tool too.

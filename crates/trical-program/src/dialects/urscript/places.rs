@@ -50,6 +50,8 @@ impl Reader<'_> {
                 Some(Some(other)) => match (self.own_frame(other), &frame) {
                     (Some(_), Some(_)) => {}
                     (own, _) => {
+                        self.c = start;
+                        self.computed_by();
                         frame = frame.or(own);
                         origin = Origin::Name { name: other, at: name.at };
                     }
@@ -268,7 +270,7 @@ impl Reader<'_> {
             return;
         }
         self.c.skip_space();
-        let start = self.c.at;
+        let (start, inside) = (self.c.at, self.c);
         match self.origin(0) {
             Some(None) => self.names.visit(Visit::Unknown),
             Some(Some(name)) => match (self.own_frame(name), frame) {
@@ -277,6 +279,8 @@ impl Reader<'_> {
                     self.scan.goes_to_calculated(at);
                 }
                 (own, _) => {
+                    self.c = inside;
+                    self.computed_by();
                     let setup = self.setup(frame.or(own.as_deref()));
                     self.names.used(name, setup, Way::Computed, start);
                 }

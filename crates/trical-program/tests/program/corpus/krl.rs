@@ -181,8 +181,15 @@ pub(super) const KRL: &[Case] = &[
     case(
         "data with the geometric operator",
         "DECL E6POS XP1\nTOOL_DATA[3]={X 1,Y 0,Z 0,A 0,B 0,C 0}:{X 5,Y 0,Z 0,A 0,B 0,C 0}\n$TOOL=TOOL_DATA[3]\nLIN {@0}\n$TOOL=$NULLFRAME\nXP1={@1}:{X 0,Y 0,Z 5,A 0,B 0,C 0}\nLIN XP1\n",
-        &[],
-        &[(4, "tool_data[3]"), (6, "calculated")],
+        &[4],
+        &[(6, "calculated")],
+    ),
+    case(
+        "frames that are products of others",
+        "DECL FRAME MYB\nDECL FRAME TWICE\nDECL FRAME OPEN\nMYB=BASE_DATA[1]:{X 0,Y 0,Z 5,A 0,B 0,C 0}\nTWICE=BASE_DATA[1]:MYB\nTWICE=MYB:MYB\n\
+         OPEN=BASE_DATA[7]:MYB\nBASE_DATA[1]={X 0,Y 0,Z -5,A 0,B 0,C 0}\n$BASE=MYB\nLIN {@0}\n$BASE=TWICE\nLIN {@1}\n$BASE=OPEN\nLIN {@2}\n",
+        &[10],
+        &[(12, "'twice'"), (14, "")],
     ),
     case(
         "places in frames that nobody knows",

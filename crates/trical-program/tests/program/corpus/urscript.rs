@@ -53,6 +53,18 @@ pub(super) const URSCRIPT: &[Case] = &[
         &[],
     ),
     case(
+        "as far from a target as a function says",
+        "def off():\nreturn p[0,0,0.1,0,0,0]\nend\nwp=p[@0]\nmovel(pose_trans(wp, off()))\nmovel(pose_trans(wp, my_offset()), a=speed_of(1))\nmovel(wp)\nq=pose_add(wp, p[0,0,sin(get_z())+dz(),0,0,0])\nmovel(q)\n",
+        &[4],
+        &[(6, "'my_offset'"), (8, "'dz'")],
+    ),
+    case(
+        "a function among a motion's arguments sets the tool",
+        "def off():\nset_tcp(p[0,0,0.01*n,0,0,0])\nreturn 1\nend\nmovel(p[@0])\nmovel(p[@1], a=off())\n",
+        &[5],
+        &[(6, "set_tcp")],
+    ),
+    case(
         "a plane that is calculated",
         "movel(pose_trans(find_part(), p[@0]))\nmovel(p[@0])\n",
         &[2],

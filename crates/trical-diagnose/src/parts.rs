@@ -78,10 +78,11 @@ impl<'a> Parts<'a> {
 }
 
 /// Members of the groups that do not better the log scores of what `proofs` did not see beside those that stay, by more than chance, or harm
-/// those of one proof by more than chance, or do not lower the mean error of the first proof (the sum of squares is what a few poses far
-/// from all others make of it): what each block gains is one draw of the gain, and their scatter says how well the sum is known (Vehtari, Gelman & Gabry 2017). What has no name
-/// has to gain its price besides, so that of two that say the same the name stays. A group that is worth no more than one of those that
-/// `instead` has for it goes as well. Groups and `instead` are indices into `candidates`, which are those of the design.
+/// those of one proof by more than chance: what each block gains is one draw of the gain, and their scatter says how well the sum is known
+/// (Vehtari, Gelman & Gabry 2017). Errors at the blocks of the first proof have to fall, too: the mean by more than the root mean square
+/// rises, which a few poses far from all others make. What has no name has to gain its price besides, so that of two that say the same the
+/// name stays. A group that is worth no more than one of those that `instead` has for it goes as well. Groups and `instead` are indices into
+/// `candidates`, which are those of the design.
 pub(crate) fn what_does_not_pay(
     proofs: &[Parts<'_>],
     candidates: &[Candidate],
@@ -91,7 +92,8 @@ pub(crate) fn what_does_not_pay(
     let scores = |out: &[usize], add| -> Vec<Vec<f64>> { proofs.iter().map(|p| p.scores(out, add)).collect() };
     let mut out: Vec<usize> = Vec::new();
     let mut now = scores(&out, None);
-    let error = |out: &[usize]| proofs.first().map_or(0.0, |p| p.errors(out, None).mean_mm);
+    let of = |e: ErrorSummary| e.mean_mm * e.rms_mm;
+    let error = |out: &[usize]| proofs.first().map_or(0.0, |p| of(p.errors(out, None)));
     while !groups.is_empty() {
         let with = error(&out);
         let pays = |g: &Group| {

@@ -13,7 +13,7 @@ use trical_ident::error::Result;
 use trical_ident::follow::refuse_stuck_stems;
 use trical_ident::gross::reject_gross_errors_beyond;
 use trical_ident::identifiability::{Choice, ParameterSet};
-use trical_ident::identify::{ErrorSummary, Identified, fit_near_nominal, fit_some, identify, manner};
+use trical_ident::identify::{ErrorSummary, Fit, Identified, fit_near_nominal, fit_some, identify, manner};
 use trical_ident::known::Known;
 use trical_ident::sample::sample_poses;
 use trical_ident::solver::LmParams;
@@ -570,16 +570,10 @@ impl Rounds {
     /// # Errors
     /// Sessions that do not determine the arm without one of them.
     pub(crate) fn by_session(&self) -> Result<[Option<ErrorSummary>; 2]> {
-        Ok([self.of_sessions(self.baseline_terms)?, self.of_sessions(self.fitted.model.terms.len())?])
-    }
-
-    /// The same with the first `terms`.
-    fn of_sessions(&self, terms: usize) -> Result<Option<ErrorSummary>> {
         if self.kept.names.len() < 2 {
-            return Ok(None);
+            return Ok([None; 2]);
         }
-        let errors = score_sessions(&self.kept, &|data: &Dataset| self.fit_of_some(data, terms))?;
-        Ok((!errors.is_empty()).then(|| ErrorSummary::of(&errors)))
+        self.plain_and_whole(&|fit| score_sessions(&self.kept, fit))
     }
 
     /// The same of each place of the balls; `None` where none is unknown.
@@ -587,9 +581,13 @@ impl Rounds {
     /// # Errors
     /// Places that do not determine the arm without one of them.
     pub(crate) fn by_place(&self) -> Result<[Option<ErrorSummary>; 2]> {
+        self.plain_and_whole(&|fit| Ok(score_places(&self.fitted.model.cell, &self.kept, fit)?.errors))
+    }
+
+    /// What is said of errors by fits to some of the data, of the plain model and with what was chosen.
+    fn plain_and_whole(&self, score: &dyn Fn(Fit<'_>) -> Result<Vec<f64>>) -> Result<[Option<ErrorSummary>; 2]> {
         let of = |terms: usize| -> Result<Option<ErrorSummary>> {
-            let fit = |data: &Dataset| self.fit_of_some(data, terms);
-            let errors = score_places(&self.fitted.model.cell, &self.kept, &fit)?.errors;
+            let errors = score(&|data: &Dataset| self.fit_of_some(data, terms))?;
             Ok((!errors.is_empty()).then(|| ErrorSummary::of(&errors)))
         };
         Ok([of(self.baseline_terms)?, of(self.fitted.model.terms.len())?])

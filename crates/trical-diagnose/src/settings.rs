@@ -132,8 +132,11 @@ pub const SIZE_SETTLED: f64 = 0.02;
 /// Rounds of that at most.
 pub const SIZE_ROUNDS: usize = 20;
 
-/// Shares of the size that the likelihood says waves of curves have, which sessions are asked whether they foretell each other better with.
-pub const CURVE_SHARES: [f64; 5] = [1.0, 0.7, 0.5, 0.35, 0.25];
+/// Shares of the size that the likelihood says waves of curves have, tried in turn on angles that a fit did not visit.
+pub const CURVE_SHARES: [f64; 4] = [1.0, 0.6, 0.36, 0.22];
+
+/// So many of the curves, the first that were found, say which share it is.
+pub const CURVES_ASKED: usize = 3;
 
 /// Neighbours of a gear's number and of its multiples, this near in cycles a turn, are the same line, modulated.
 pub const GEAR_SIDEBANDS: f64 = 2.0;

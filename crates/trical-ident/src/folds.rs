@@ -4,6 +4,8 @@
 //! a cube of poses, a pallet, a short path. What a fit learns at one pose of a block it knows at the others, so a fold that cuts
 //! a block scores the fit on what it has seen.
 
+use std::f64::consts::TAU;
+
 use nalgebra::SVector;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -21,6 +23,9 @@ const NEAR: f64 = 0.5;
 
 /// A block with more than this share of all poses is divided: else there would be nothing to fit.
 const LARGEST: f64 = 1.0 / 8.0;
+
+/// Intervals of a joint's angle that are left out in turn.
+const INTERVALS: usize = 16;
 
 /// Poses among which the usual distance is estimated.
 const SAMPLE: usize = 400;
@@ -75,6 +80,22 @@ impl Folds {
             }
         }
         Some(Self { block, ..self.clone() })
+    }
+
+    /// The same poses in blocks by the angle of a joint (rad, counted from 0), modulo a turn: intervals that have as many poses each.
+    #[must_use]
+    pub fn by_angle(&self, data: &Dataset, joint: usize) -> Self {
+        let mut angles = vec![(0.0, 0); self.poses.len()];
+        for o in &data.observations {
+            let at = self.at(o.pose);
+            angles[at] = (o.state.q[joint].rem_euclid(TAU), at);
+        }
+        angles.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut block = vec![0; self.poses.len()];
+        for (rank, (_, at)) in angles.iter().enumerate() {
+            block[*at] = INTERVALS * rank / angles.len();
+        }
+        Self { block, ..self.clone() }
     }
 
     /// Poses that have observations, in order.
@@ -348,6 +369,26 @@ mod tests {
         assert_eq!(places, Some(vec![0, 0, 1, 1, 0, 2, 2]));
         let two = at(&[0, 0, 1, 1]);
         assert_eq!(Folds::of(&two).at_places(&cell, &two), None);
+    }
+
+    #[test]
+    fn blocks_by_angle_are_intervals_of_a_turn_with_as_many_poses_each() {
+        // joint 2 goes through two turns of 32 poses each: both turns are in the same intervals
+        let row = |k: u8| Row {
+            state: State::at(&[0.0, f64::from(k) * TAU / 32.0, 0.0, 0.0, 0.0, 0.0]),
+            measured: Measured::Touch { ball: 0, reading: [0.0; 3] },
+            seq: None,
+            line: usize::from(k) + 2,
+        };
+        let recording =
+            Recording { name: "r".into(), joints: 6, rows: (0..64).map(row).collect(), ..Recording::default() };
+        let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
+        let angles = Folds::of(&data).by_angle(&data, 1);
+        assert_eq!(angles.blocks(), 16);
+        for pose in 0..32 {
+            assert_eq!(angles.block_of(pose), angles.block_of(pose + 32), "{pose}");
+            assert_eq!(angles.block_of(pose), pose / 2, "{pose}");
+        }
     }
 
     #[test]

@@ -2,17 +2,19 @@
 //! not see.
 
 use trical_ident::error::Result;
-use trical_ident::folds::Folds;
+use trical_ident::folds::{FOLDS, Folds};
+use trical_ident::identify::ErrorSummary;
 use trical_model::Term;
 
 use super::Rounds;
 use crate::candidate::{Candidate, said_by};
 use crate::correlated_noise::CorrelatedNoise;
 use crate::findings::{Group, grouped};
+use crate::linear::Partition;
 use crate::parts::{Parts, what_does_not_pay};
 use crate::periodogram;
 use crate::selection::Search;
-use crate::settings::{CURVE_SHARES, TRIED_WITH_CURVES};
+use crate::settings::{CURVE_SHARES, CURVES_ASKED, TRIED_WITH_CURVES};
 
 impl Rounds {
     /// Curves with many coefficients (an encoder's) that the residual asks for beside everything else: they come first, since they are
@@ -164,38 +166,42 @@ impl Rounds {
         Ok(true)
     }
 
-    /// Takes waves of long curves as much smaller, before anything is known of them, as lets the sessions foretell each other best: neighbours in a
-    /// session are off alike, so that the likelihood of one takes the waves to be larger than they are in the next.
+    /// Takes waves of long curves as much smaller than their likelihood says as foretells the errors at angles that a fit did not visit best:
+    /// what else a joint does there looks like its waves, and makes them swing where nothing holds them.
     pub(crate) fn shrink_curves(&mut self) -> Result<()> {
         let curves: Vec<usize> = self.chosen.iter().copied().filter(|c| self.candidates[*c].is_long_curve()).collect();
-        if curves.is_empty() || self.kept.names.len() < 2 {
-            return Ok(());
-        }
-        let known = self.known.clone();
-        let waves = self.members(&curves);
-        let is_wave = |m: &Term| waves.iter().flat_map(|c| &c.terms).any(|t| m.does_as(t));
-        let is_wave: Vec<bool> = self.fitted.model.terms.iter().map(is_wave).collect();
-        let mut best = (1.0, f64::INFINITY);
-        for factor in CURVE_SHARES {
-            self.known.clone_from(&known);
-            for (k, _) in self.known.iter_mut().zip(&is_wave).filter(|(_, wave)| **wave) {
-                k.prior.iter_mut().for_each(|p| p.sd *= factor);
+        let folds = Folds::of(&self.kept);
+        let joints = curves.iter().filter_map(|c| self.candidates[*c].site.joint());
+        let angles: Vec<Folds> = joints.take(CURVES_ASKED).map(|joint| folds.by_angle(&self.kept, joint - 1)).collect();
+        let error = |factor: f64| -> Result<f64> {
+            let mut members = self.members(&self.chosen);
+            for c in members.iter_mut().filter(|c| c.is_long_curve()) {
+                c.scales.iter_mut().for_each(|s| *s *= factor);
             }
-            // sessions that do not determine the arm without one of them say nothing
-            let Ok(Some(errors)) = self.of_sessions(self.fitted.model.terms.len()) else { break };
-            if errors.mean_mm >= best.1 {
+            let design = self.design_at(&self.fitted.model, &members, &[], CorrelatedNoise::WHITE)?;
+            let all: Vec<usize> = (0..members.len()).collect();
+            let unseen = |own: &Folds| {
+                let part_of = |pose: usize| own.block_of(pose) % FOLDS;
+                let parts = Partition::new(&design, &all, FOLDS, &part_of)?;
+                Some(ErrorSummary::of(&parts.position_errors(&parts.instead(&[], None), None)).mean_mm)
+            };
+            Ok(angles.iter().map(|own| unseen(own).unwrap_or(f64::INFINITY)).sum())
+        };
+        let mut best = (1.0, f64::INFINITY);
+        for factor in if curves.is_empty() { &[][..] } else { &CURVE_SHARES } {
+            let new = error(*factor)?;
+            if new >= best.1 {
                 break;
             }
-            best = (factor, errors.mean_mm);
+            best = (*factor, new);
         }
-        self.known = known;
-        if best.0 < 1.0 {
-            for c in curves {
-                self.candidates[c].scales.iter_mut().for_each(|s| *s *= best.0);
-            }
-            self.refit()?;
+        if best.0 == 1.0 {
+            return Ok(());
         }
-        Ok(())
+        for c in curves {
+            self.candidates[c].scales.iter_mut().for_each(|s| *s *= best.0);
+        }
+        self.refit()
     }
 
     /// Drops what does not pay at blocks of poses that the fit did not see, in the last quarter of the sessions, foreseen by what came before,
@@ -282,6 +288,25 @@ mod tests {
         assert_eq!(released(&[(Shape::Linear, 1e-3)]), [Cause::Effect(EffectId::GearRatio)]);
         let curve = [3.0, 7.0, 11.0, 13.0].map(|cycles| (Shape::Sine { cycles }, 2e-4));
         assert_eq!(released(&curve), [Cause::Effect(EffectId::EncoderError)]);
+    }
+
+    #[test]
+    fn waves_that_are_taken_to_be_too_large_are_taken_as_smaller_and_those_that_are_too_small_are_not() {
+        let of = |cycles: f64| (Basis::new(Variable::Joint { joint: 2 }, Shape::Sine { cycles }), 2e-4);
+        let (truth, data) = with_joint_2(&[2.0, 3.0, 5.0, 7.0].map(of));
+        let share = |factor: f64| {
+            let mut rounds = Rounds::begin(&truth.robot, &truth.cell, &data, &Options::default()).unwrap();
+            let curve = rounds.curves.iter().position(|c| c.site == Place::Joint(2)).unwrap();
+            let mut curve = rounds.curves.swap_remove(curve);
+            curve.scales.iter_mut().for_each(|s| *s *= factor);
+            let before = curve.scales[0];
+            rounds.chosen = vec![rounds.candidates.len()];
+            rounds.candidates.push(curve);
+            rounds.refit().unwrap();
+            rounds.shrink_curves().unwrap();
+            rounds.candidates[rounds.chosen[0]].scales[0] / before
+        };
+        assert!(share(100.0) < 0.7 && share(0.1) == 1.0, "{} {}", share(100.0), share(0.1));
     }
 
     /// Waves of the curves that are held first for an arm whose joint 2 is off by these waves.

@@ -249,7 +249,7 @@ fn a_recording_of_any_arm_is_converted_without_saying_how_many_joints_it_has() {
 fn a_cell_without_balls_cannot_be_touched_by_plan_nor_virtual_cell() {
     let place = Place::new();
     place.write("cell.toml", &CELL[..CELL.find("[balls]").unwrap()]);
-    for command in ["plan --out out.toml", "virtual-cell --port 0"] {
+    for command in ["plan --out none.csv", "virtual-cell --port 0"] {
         place.refuses(&in_cell(command), &["has no ", "[balls]"]);
     }
 }
@@ -274,18 +274,23 @@ fn poses_for_a_tracker_are_planned_and_wrong_words_refused() {
     for (bad, words) in [
         ("--facing-mm 1,2", "--facing-mm: found 2 numbers, expected 3"),
         ("--sphere-mm 0,0,0,-1", "found a radius of -1 mm"),
-        ("--per-ball 5000", "--per-ball: found 5000, expected at most 1000"),
         ("--report plan.html", "--report: a plan of poses (--points) has no report"),
     ] {
         place.refuses(&in_cell(&format!("{plan} {bad}")), &[words]);
     }
+    for ignored in ["--per-ball 9", "--start-deg 1,2,3"] {
+        let o = place.run(&in_cell(&format!("{plan} {ignored}")));
+        assert!(o.status.code() == Some(2) && errors(&o).contains("cannot be used with"), "{}", errors(&o));
+    }
+    place.refuses(&in_cell("plan --out p.csv --per-ball 5000"), &["--per-ball: found 5000, expected at most 1000"]);
+    place.refuses(&in_cell("plan --out p.xlsx"), &["--out: found p.xlsx, expected a name that ends in .csv"]);
 }
 
 #[test]
 fn a_cell_that_cannot_be_planned_says_what_is_in_the_way() {
     let place = Place::new();
     let refuses = |option: &str, words: &[&str]| {
-        place.refuses(&in_cell(&format!("plan --out out.toml {option}")), words);
+        place.refuses(&in_cell(&format!("plan --out none.csv {option}")), words);
     };
     refuses("--start-deg 0,0,0", &["--start-deg", "3 numbers", "expected 6"]);
     refuses("--start-deg 0,100,60,0,0,0", &["start", "meet there", "--start-deg"]);
@@ -297,7 +302,7 @@ fn a_cell_that_cannot_be_planned_says_what_is_in_the_way() {
     refuses("--start-deg 0,-105,0,0,0,0", &words);
     place.write("robot.toml", ROBOT);
     place.write("cell.toml", CELL.replace("margin_mm = 5.0", "margin_mm = 5.0\ncolour = 3"));
-    place.refuses(&in_cell("plan --out out.toml"), &["[geometry]", "colour"]);
+    place.refuses(&in_cell("plan --out none.csv"), &["[geometry]", "colour"]);
 }
 
 #[test]

@@ -69,6 +69,10 @@ fn programs_are_rewritten_checked_and_refused() {
     // a look without a file; another dialect than the extension says
     let check = p.rewritten("sample.mod", &["--check"]);
     assert_eq!(check["rows"].as_array().unwrap().len(), 7);
+    for both in [["--check", "--out", "o.mod"].as_slice(), &["--out", "o.mod", "--seq", "1", "--time-s", "2"]] {
+        let o = p.compensate("sample.mod", both);
+        assert!(o.status.code() == Some(2) && errors(&o).contains("cannot be used with"), "{}", errors(&o));
+    }
     p.write("poses.txt", b"x_mm,y_mm,z_mm,qw,qx,qy,qz\n350,50,320,0,0.6,0.8,0\n");
     p.refuses_program(2, "poses.txt", &[], &["poses.txt", "extension", "--dialect", "krl", "urscript"]);
     assert_eq!(p.rewritten("poses.txt", &["--dialect", "csv", "--out", "poses.new"])["targets"], 1);

@@ -155,8 +155,12 @@ fn pages_and_models_have_names_that_say_so_and_a_file_each() {
     };
     refused("identify run.csv --report a.pdf", &["--report: found a.pdf", "ends in .html", "as PDF"]);
     refused("diagnose run.csv --out a.urdf", &["--out: found a.urdf", "ends in .toml"]);
-    let both = "identify run.csv --report a.html --certificate a.html";
-    refused(both, &["--certificate: found a.html, which --report names, too"]);
+    for other in ["a.html", "./a.html"] {
+        let both = format!("identify run.csv --report a.html --certificate {other}");
+        refused(&both, &[&format!("--certificate: found {other}, which --report names, too")]);
+    }
+    refused("identify run.csv --out .", &["the name of a file"]);
+    refused("identify run.csv --compliant 2 --model geometry", &["--compliant: found a model without compliance"]);
     let validate = "validate run.csv --model calibrated.toml --certificate c.pdf";
     refused(validate, &["--certificate: found c.pdf", "ends in .html"]);
     assert!(!place.path("a.pdf").exists() && !place.path("a.html").exists());

@@ -6,11 +6,12 @@ import dataclasses
 import json
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from . import _native
 from ._findings import Finding, Unexplained, Unseen
+from ._given import path_of, whole
 from ._native import Cell, Model, Robot, Rows, TricalError
 from ._progress import Progress, listener
 from ._recording import Frame, PathLike, Recording
@@ -33,9 +34,13 @@ def _sources(recordings: Recordings) -> list[str | Rows]:
             raise TypeError(f"recordings: found {type(r).__name__}, expected paths, Recordings or DataFrames")
         if hasattr(r, "columns"):
             r = Recording.from_frame(r)
-        return r._rows if isinstance(r, Recording) else os.fsdecode(r)
+        return r._rows if isinstance(r, Recording) else path_of(r)
 
     given: Any = recordings
+    if isinstance(given, Mapping):
+        raise TypeError(
+            "recordings: found dict, expected paths, Recordings or DataFrames, as pandas.DataFrame(columns)"
+        )
     return [one(r) for r in ([given] if is_one(given) or not hasattr(given, "__iter__") else given)]
 
 
@@ -44,7 +49,13 @@ def _file(part: PathLike | Robot | Cell) -> Any:
         return part
     if not isinstance(part, str | bytes | os.PathLike):
         raise TypeError(f"found {type(part).__name__}, expected the path of a file, or a Robot or Cell")
-    return os.fsdecode(part)
+    return path_of(part)
+
+
+def _joints(compliant: Any) -> list[int]:
+    if isinstance(compliant, str | bytes) or not hasattr(compliant, "__iter__"):
+        raise TricalError(f"compliant is {compliant!r}, expected numbers of joints, as [2, 3]")
+    return [whole("compliant", joint) for joint in compliant]
 
 
 def _model(model: Model | PathLike) -> Model:
@@ -52,7 +63,11 @@ def _model(model: Model | PathLike) -> Model:
         return model
     if not isinstance(model, str | bytes | os.PathLike):
         raise TypeError(f"model: found {type(model).__name__}, expected a Model or the path of a model file")
-    return Model.load(os.fsdecode(model))
+    return Model.load(path_of(model))
+
+
+def _path_of(model: Model | PathLike) -> str | None:
+    return None if isinstance(model, Model) else os.fsdecode(model)
 
 
 def identify(
@@ -104,9 +119,9 @@ def identify(
         _file(cell),
         joints,
         model,
-        list(compliant),
-        folds,
-        hold_out_last,
+        _joints(compliant),
+        whole("folds", folds),
+        whole("hold_out_last", hold_out_last),
         keep_outliers,
         tool,
         stream,
@@ -183,7 +198,7 @@ def diagnose(
         joints,
         names_only,
         tool,
-        next,
+        whole("next", next),
         None if known is None else os.fspath(known),
         listener(progress, "diagnosing"),
     )
@@ -344,9 +359,9 @@ def plan(
     touches, text, told = _native._plan(
         _file(robot),
         _file(cell),
-        per_ball,
-        pool,
-        seed,
+        whole("per_ball", per_ball),
+        whole("pool", pool),
+        whole("seed", seed),
         criterion,
         _sphere(sphere),
         max_tilt,
@@ -390,7 +405,8 @@ def poses(
     """
     point = None if facing is None else _three(facing, "facing")
     axis = _three(facing_axis, "facing_axis")
-    return _native._poses(_file(robot), _file(cell), n, _sphere(sphere), point, axis, facing_within, seed)
+    arm, place, n, seed = _file(robot), _file(cell), whole("n", n), whole("seed", seed)
+    return _native._poses(arm, place, n, _sphere(sphere), point, axis, facing_within, seed)
 
 
 def _three(numbers: Sequence[float], name: str) -> tuple[float, float, float]:
@@ -449,7 +465,7 @@ def simulate(
         given.get(kind),
         noise,
         angle_noise,
-        seed,
+        whole("seed", seed),
         stop_within,
         directions,
         temperature,
@@ -492,15 +508,15 @@ def effects() -> list[dict[str, str]]:
     return result
 
 
-def parameters(model: Model) -> list[dict[str, Any]]:
-    """Return the terms of a model: dicts with name, site, value, unit, sd, nominal."""
-    result: list[dict[str, Any]] = json.loads(model._terms_json())
+def parameters(model: Model | PathLike) -> list[dict[str, Any]]:
+    """Return the terms of a model, or of that of a model file: dicts with name, site, value, unit, sd, nominal."""
+    result: list[dict[str, Any]] = json.loads(_model(model)._terms_json())
     return result
 
 
 def compensate(
     program: PathLike,
-    model: Model,
+    model: Model | PathLike,
     out: PathLike | None = None,
     *,
     robot: PathLike | Robot,
@@ -519,14 +535,16 @@ def compensate(
 ) -> dict[str, Any]:
     """Rewrite a robot program so that the arm of `model` goes where the program says, as `trical compensate` does.
 
-    The file `out` is written completely or not at all. Without it nothing is written, and the answer has `rows`: each
-    target with its error before and after. Keys: targets, largest_move_mm, problems (what is not rewritten: line and
-    reason), before, after, meant_with, relative (motions relative to rewritten targets, and how far they are off);
-    where there are any, cautions, read_with and written (files of the program beside the one that was named).
+    `model` is a Model or the path of a model file. The file `out` is written completely or not at all. Without it
+    nothing is written, and the answer has `rows`: each target with its error before and after. Keys: targets,
+    largest_move_mm, problems (what is not rewritten: line and reason), before, after, meant_with, relative (motions
+    relative to rewritten targets, and how far they are off); where there are any, cautions, read_with and written
+    (files of the program beside the one that was named).
     """
     text = _native._compensate(
-        os.fspath(program),
-        model,
+        path_of(program),
+        _model(model),
+        _path_of(model),
         None if out is None else os.fspath(out),
         _file(robot),
         _file(cell),

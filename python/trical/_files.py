@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from . import _native
-from ._calls import _file
+from ._calls import _file, _model, _path_of
+from ._given import whole
 from ._native import Model, Robot, TricalError
 from ._recording import PathLike
 
@@ -56,7 +57,7 @@ def convert(source: PathLike, out: PathLike, *, joints: int | None = None) -> di
     Raises:
         RecordingError, TricalError: a file that cannot be read, or written.
     """
-    said: dict[str, Any] = json.loads(_native._convert(os.fspath(source), os.fspath(out), joints))
+    said: dict[str, Any] = json.loads(_native._convert(os.fspath(source), os.fspath(out), whole("joints", joints)))
     return said
 
 
@@ -91,8 +92,8 @@ def export(
     files = (urdf, mdh, error_map, ur_kinematics)
     if not any(files):
         raise TricalError("export was given nothing to write, expected urdf, mdh, error_map or ur_kinematics")
-    name = "a model in Python" if isinstance(model, Model) else os.fspath(model)
-    loaded = model if isinstance(model, Model) else Model.load(model)
     arm = None if robot is None else _file(robot)
-    said: dict[str, Any] = json.loads(_native._export(loaded, name, arm, *files, poses))
+    said: dict[str, Any] = json.loads(
+        _native._export(_model(model), _path_of(model), arm, *files, whole("poses", poses))
+    )
     return said

@@ -466,6 +466,7 @@ def _study_platforms(
 def _compensate(
     program: _Path,
     model: Model,
+    path: _Path | None,
     out: _Path | None,
     robot: _Path | Robot,
     cell: _Path | Cell,
@@ -530,7 +531,7 @@ def _inside(path: _Path) -> tuple[Robot | None, Cell | None]: ...
 def _convert(input: _Path, output: _Path, joints: int | None) -> str: ...
 def _export(
     model: Model,
-    name: str,
+    path: _Path | None,
     robot: _Path | Robot | None,
     urdf: _Path | None,
     mdh: _Path | None,

@@ -8,7 +8,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 from . import _html
-from ._native import Rows, TricalError
+from ._given import path_of, whole
+from ._native import RecordingError, Rows, TricalError
 
 if TYPE_CHECKING:  # whoever imports trical need not wait for NumPy
     import numpy as np
@@ -124,7 +125,7 @@ class Recording:
         `joints` is the number of the arm's joints, by default as many as the file has. A damaged MCAP is refused unless
         `part` is true: then its complete measurements are taken.
         """
-        return cls._of(Rows.load(os.fspath(path), joints, part))
+        return cls._of(Rows.load(path_of(path), whole("joints", joints), part))
 
     @classmethod
     def from_frame(cls, frame: Frame, *, name: str = "DataFrame") -> Recording:
@@ -142,9 +143,18 @@ class Recording:
             raise TypeError(f"{name}: found a LazyFrame, expected a DataFrame: call collect() first")
         index: Any = getattr(frame, "index", None)
         # set_index("t_s") takes a column away
-        if getattr(index, "name", None) in _INDEXED and index.name not in frame.columns:
-            frame = frame.reset_index()  # type: ignore[attr-defined]
+        taken = [n for n in getattr(index, "names", ()) if n in _INDEXED and n not in frame.columns]
+        if taken:
+            frame = frame.reset_index(taken)  # type: ignore[attr-defined]
+        names = [str(c) for c in frame.columns]
+        twice = next((n for k, n in enumerate(names) if n in names[:k]), None)
+        if twice is not None:
+            raise RecordingError(f"{name}, header: column {twice} is given twice")
         columns = {str(c): np.asarray(frame[c], dtype=object).tolist() for c in frame.columns}
+
+        first = next(iter(columns), "")
+        if first.lower() == "place":  # a line that begins with "#1" is a remark
+            columns[first] = columns.pop(first)
 
         def cell(x: Any) -> Any:
             # neither NaN nor pandas.NA is equal to itself
@@ -178,7 +188,11 @@ class Recording:
             raise ImportError("to_pandas needs pandas, which is not installed: pip install pandas") from None
         import io
 
-        return pandas.read_csv(io.BytesIO(self._rows.to_csv()))
+        # names stay text: "01" is no number, "NA" no gap
+        table = pandas.read_csv(
+            io.BytesIO(self._rows.to_csv()), dtype={"place": str}, keep_default_na=False, na_values=[""]
+        )
+        return table if "place" not in table else table.assign(place=table["place"].fillna(""))
 
     def _column(self, name: str) -> Any:
         found = self._rows.column(name)
@@ -314,7 +328,10 @@ class Recording:
         n = len(self)
         if isinstance(rows, int | np.integer):
             rows = [int(rows)]
-        chosen = np.arange(n)[rows if isinstance(rows, slice) else np.asarray(rows)]
+        which = rows if isinstance(rows, slice) else np.asarray(rows)
+        if not isinstance(which, slice) and which.size > 0 and which.dtype.kind not in "iub":
+            raise TypeError(f"rows: found {rows!r:.60}, expected a slice, a mask or an array of whole numbers")
+        chosen = np.arange(n)[which if isinstance(which, slice) or which.size > 0 else []]
         if len(chosen) == 0:
             raise TricalError(f"{self.name}: no row was chosen of {n}")
         return Recording._of(self._rows.take([int(k) for k in np.sort(chosen)]))

@@ -320,7 +320,8 @@ class Plan(Touches, Reported):
     def __repr__(self) -> str:
         """Touches, gain, expected errors."""
         head = f"<trical.Plan: {len(self)} touches of {len(set(self.ball.tolist()))} balls>"
-        lines = [f"  {self.answer['gain_over_random']:.2g} times better than a random choice"]
+        gain = self.answer["gain_over_random"]
+        lines = [] if gain is None else [f"  {gain:.2g} times better than a random choice"]
         if not self.answer["determined"]:
             lines.append(f"  does not determine the {len(self.parameters)} parameters")
         lines += [f"  expected in the {k}: mean {e['mean_mm']:.3f} mm" for k, e in self._expected()]

@@ -8,6 +8,7 @@ from typing import Any
 
 from . import _native
 from ._calls import _file
+from ._given import whole
 from ._native import Cell, Robot, TricalError
 from ._progress import Progress, listener
 from ._recording import PathLike
@@ -21,8 +22,7 @@ def _common(given: _Common) -> _Common:
     if given["model"] == "nominal":
         raise TricalError("model is 'nominal', expected 'geometry', 'compliance' or 'complete'")
     for name in ("trials", "seed", "pool"):
-        if given[name] < 0:
-            raise TricalError(f"{name} is {given[name]}, expected 0 or more")
+        whole(name, given[name])
     return {**given, "compliance_deg_per_nm": [float(c) for c in given["compliance_deg_per_nm"]]}
 
 
@@ -79,7 +79,9 @@ def study_touches(
     said |= {"length_mm": length_mm, "angle_deg": angle_deg, "compliance_deg_per_nm": compliance_deg_per_nm}
     said |= {"indicator_mm": indicator_mm, "procedure_mm": procedure_mm, "ballbar_mm": ballbar_mm}
     listening = listener(progress, "studying")
-    result = _native._study_touches(_file(robot), _file(cell), _common(said), list(per_ball), listening)
+    result = _native._study_touches(
+        _file(robot), _file(cell), _common(said), [whole("per_ball", n) for n in per_ball], listening
+    )
     files = ("robot", "cell")
     made = Made.of(result[0], study_touches, robot=robot, cell=cell, per_ball=per_ball, **said, files=files)
     return _study(result, "settings", made)

@@ -303,6 +303,10 @@ def test_a_model_may_be_given_by_its_file(fitted: trical.Identified, touches: tr
             call(7, touches)  # type: ignore[operator]
 
 
+def test_a_plan_that_does_not_determine_its_parameters_is_readable() -> None:
+    assert "does not determine the" in repr(trical.plan(**FILES, per_ball=3, pool=10))
+
+
 def test_what_is_known_beforehand_counts(touches: trical.Recording, tmp_path: Path) -> None:
     known = tmp_path / "known.toml"
     known.write_text("[[parameter]]\nname = 'a_2'\nvalue = 271.0\nsd = 1e-4\n[[parameter]]\nname = 'c_2'\nmin = 1.0\n")
@@ -337,6 +341,11 @@ def test_repeat_visits_scatter_as_their_noise(tmp_path: Path) -> None:
     assert said["by_ball"][0]["mean_rp_mm"] == pytest.approx(0.01596 + 3 * 0.00673, rel=0.15)
     with pytest.raises(trical.NotEnoughDataError, match="no place was visited twice"):
         trical.repeatability(trical.simulate(model, trical.poses(4, **FILES), target=1))
+    # places a degree apart are two by default, and one within three degrees
+    near = np.concatenate([q[:50], q[:50] + np.radians(2.0)])
+    rec = trical.simulate(model, near, target=1, noise=1e-5, seed=4, time=np.arange(100.0))
+    assert [p["visits"] for p in trical.repeatability(rec)["places"]] == [50, 50]
+    assert [p["visits"] for p in trical.repeatability(rec, same=np.radians(3.0))["places"]] == [100]
 
 
 def test_joints_are_chosen_by_the_data(truth: trical.Model) -> None:
@@ -442,6 +451,24 @@ def test_ctrl_c_in_the_midst_of_a_setting_ends_a_study() -> None:
     [
         (lambda r: trical.identify(r, **FILES, joints="late"), "TricalError", "joints is 'late', expected 'read', "),
         (lambda r: trical.identify(r, **FILES, compliant=[7]), "TricalError", "compliant: joint 7 does not exist"),
+        (
+            lambda r: trical.identify(r, **FILES, compliant="2,3"),
+            "TricalError",
+            "compliant is '2,3', expected numbers of",
+        ),
+        (lambda r: trical.identify(r, **FILES, folds="4"), "TricalError", "folds is '4', expected a whole number, 0"),
+        (lambda r: trical.plan(**FILES, per_ball=-1), "TricalError", "per_ball is -1, expected a whole number, 0 or"),
+        (lambda r: trical.Model.nominal(**FILES).error_map(-1), "TricalError", "n is -1, expected 1 to 1000000"),
+        (
+            lambda r: trical.identify(r, robot=FILES["robot"].read_text(), cell=FILES["cell"]),
+            "TricalError",
+            "found a text that begins with '.{5,60}, expected the path of a file",
+        ),
+        (
+            lambda r: trical.Model.nominal(**FILES).save("nowhere/m.toml"),
+            "TricalError",
+            "folder nowhere does not exist",
+        ),
         (lambda r: trical.identify("nowhere.csv", **FILES), "RecordingError", "nowhere.csv"),
         (lambda r: trical.identify(r[:9], **FILES), "NotEnoughDataError", "more measurements"),
         (lambda r: trical.identify(r, **FILES, joints="commanded"), "RecordingError", "has no commanded joints"),
@@ -476,6 +503,8 @@ def test_frames_are_recordings_and_results_are_certified(touches: trical.Recordi
     fitted = trical.identify(touches.to_pandas(), **FILES)
     values = [p["value"] for p in trical.identify(touches, **FILES).parameters]
     assert [p["value"] for p in fitted.parameters] == pytest.approx(values, rel=1e-9)
+    with pytest.raises(trical.TricalError, match="the folder nowhere does not exist"):
+        fitted.report("nowhere/x.html")
     fitted.certificate(tmp_path / "c.html")
     text = (tmp_path / "c.html").read_text(encoding="utf-8")
     assert "Pose accuracy AP" in text and "a DataFrame" in text

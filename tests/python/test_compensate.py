@@ -26,6 +26,9 @@ def test_without_an_output_each_target_is_told(tmp_path: Path) -> None:
     (tmp_path / "p.csv").write_bytes(PROGRAM)
     done = trical.compensate(tmp_path / "p.csv", trical.Model.nominal(**FILES), **FILES)
     assert [r["line"] for r in done["rows"]] == [2]
+    trical.Model.nominal(**FILES).save(tmp_path / "m.toml")
+    assert trical.compensate(tmp_path / "p.csv", tmp_path / "m.toml", **FILES)["rows"] == done["rows"]
+    (tmp_path / "m.toml").unlink()
     assert list(tmp_path.iterdir()) == [tmp_path / "p.csv"]
 
 

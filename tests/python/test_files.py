@@ -74,6 +74,25 @@ def test_what_cannot_be_converted(touches: Path, tmp_path: Path) -> None:
         trical.convert(tmp_path / "none.csv", tmp_path / "points.mcap")
 
 
+def test_nothing_is_written_over_what_is_read(model: trical.Model, touches: Path, tmp_path: Path) -> None:
+    model.save(tmp_path / "m.toml")
+    model.save_urdf(tmp_path / "arm.urdf")
+    kept = {p: p.read_bytes() for p in (touches, tmp_path / "m.toml", tmp_path / "arm.urdf")}
+    map_ = tmp_path / "map.csv"
+    for call, said in (
+        (lambda: trical.convert(touches, tmp_path / "." / "points.csv"), "is read, too, and would be replaced"),
+        (lambda: trical.export(tmp_path / "m.toml", mdh=tmp_path / "m.toml"), "is read, too"),
+        (lambda: trical.export(model, robot=tmp_path / "arm.urdf", urdf=tmp_path / "arm.urdf"), "is read, too"),
+        (lambda: trical.export(model, mdh=map_, error_map=map_), "error_map: found .*, which mdh names, too"),
+        (lambda: trical.export(model, error_map=touches), "is a recording, and would be replaced"),
+        (lambda: trical.compensate(tmp_path / "m.toml", model, tmp_path / "m.toml", **FILES), "is read, too"),
+    ):
+        with pytest.raises(trical.TricalError, match=said):
+            call()
+    assert all(p.read_bytes() == b for p, b in kept.items()) and not map_.exists()
+    assert trical.parameters(tmp_path / "m.toml") == trical.parameters(model)
+
+
 def test_exports_are_those_of_the_command(model: trical.Model, tmp_path: Path) -> None:
     model.save(tmp_path / "m.toml")
     kinds = {"urdf": "arm.urdf", "mdh": "arm.json", "error_map": "map.csv"}

@@ -108,8 +108,11 @@ def test_rows_are_chosen_as_in_numpy(recording: trical.Recording) -> None:
     assert recording[recording.temperature > 21.9].line.tolist() == [5, 6]
     assert recording[[3, 0]].line.tolist() == [2, 5]
     assert len(recording[-1]) == 1
-    with pytest.raises(trical.TricalError, match="no row was chosen of 5"):
-        recording[recording.ball == 9]
+    for none in (recording.ball == 9, []):
+        with pytest.raises(trical.TricalError, match="no row was chosen of 5"):
+            recording[none]
+    with pytest.raises(TypeError, match="rows: found 'q', expected a slice, a mask"):
+        recording["q"]
 
 
 def test_pandas_has_the_columns_of_the_csv(recording: trical.Recording) -> None:
@@ -117,6 +120,20 @@ def test_pandas_has_the_columns_of_the_csv(recording: trical.Recording) -> None:
     frame = recording.to_pandas()
     assert frame.shape[0] == 5 and frame["q1_deg"].tolist() == [10, 10, 15, 15, 15]
     assert frame["ix_mm"][0] == pytest.approx(0.01)
+
+
+def test_names_of_places_and_fixed_points_come_back(tmp_path: Path) -> None:
+    pytest.importorskip("pandas", reason="pandas is not installed")
+    r = trical.Recording(q=np.zeros((3, 2)), position=[0, 0, 1], place=["#1", "01", "nan"])
+    assert r.place is not None and r.place.tolist() == ["#1", "01", ""]
+    frame = r.to_pandas()
+    assert frame["place"].tolist() == ["#1", "01", ""]
+    r.save(tmp_path / "r.csv")
+    for back in (trical.Recording.load(tmp_path / "r.csv"), trical.Recording.from_frame(frame)):
+        assert back.place is not None and back.place.tolist() == ["#1", "01", ""]
+    # a fixed point has no orientation
+    fixed = trical.Recording(q=np.zeros((1, 2)), position=[0, 0, 1], orientation=[1, 0, 0, 0], reference=2)
+    assert fixed.kind.tolist() == ["reference"] and fixed.reference is not None and fixed.reference.tolist() == [2]
 
 
 def test_without_pandas_the_error_says_what_to_install(
@@ -155,6 +172,7 @@ def test_it_says_what_it_holds(recording: trical.Recording) -> None:
         ({"position": [0, 0, 1], "orientation": [1, 1, 0, 0]}, "the quaternion has length 1.4142, expected 1"),
         ({"position": [0, 0, 1], "directions": [2, 0]}, "directions, row 0: found 2, expected -1, 0 or 1"),
         ({"position": [0, 0, 1], "target": 1, "reference": 1}, "names a target and a reference"),
+        ({"position": [0, 0, 1], "orientation": [1, 0, 0, 0], "target": 2}, "found target 2 with an orientation"),
         ({"position": [0, 0, 1e6]}, "position, row 0: found 1000000"),
         ({"distance": [1, -1]}, "distance, row 1: found -1, expected a positive length"),
         ({"q": [[0, 0], [0, 1e9]], "distance": 1}, "q, row 1: found 1000000000"),
@@ -239,6 +257,10 @@ def test_frames_keep_an_index_that_is_a_column_and_lack_what_is_missing(tmp_path
     whole = trical.Recording.from_frame(frame)
     assert trical.Recording.from_frame(frame.set_index("t_s")) == whole
     assert trical.Recording.from_frame(frame.set_index(frame.index + 100)) == whole
+    assert trical.Recording.from_frame(frame.set_index(["t_s", "ball"])) == whole
+    twice = pandas.concat([frame, frame[["ball"]]], axis=1)
+    with pytest.raises(trical.RecordingError, match="DataFrame, header: column ball is given twice"):
+        trical.Recording.from_frame(twice)
     lost = frame.astype({"ix_mm": "Float64"})
     lost.loc[4, "ix_mm"] = pandas.NA
     with pytest.warns(UserWarning, match="line 6 lacks a measured value and is left out"):

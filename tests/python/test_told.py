@@ -171,7 +171,7 @@ def test_platforms_are_compared() -> None:
         ({"length_mm": 50}, "length_mm: found 50, expected 0 to 20"),
         ({"compliance_deg_per_nm": [0.1]}, "expected a least and a largest one above 0"),
         ({"trials": 0}, "trials: found 0"),
-        ({"trials": -1}, "trials is -1, expected 0 or more"),
+        ({"trials": -1}, "trials is -1, expected a whole number, 0 or more"),
         ({"per_ball": [200]}, "expected numbers of 1 to 30"),
         ({"model": "nominal"}, "expected 'geometry', 'compliance' or 'complete'"),
         ({"criterion": "x"}, "criterion is 'x'"),

@@ -5,10 +5,9 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use trical_ident::{JointSource, ToolSharing};
-use trical_model::urdf::UrdfPath;
 use trical_model::{Cell, JointKind, MAX_JOINTS, Recording, Robot};
 use trical_plan::geometry::mesh::resolve_meshes;
-use trical_recording::{CsvStream, RecordError, columns, is_mcap, open_large, refuse_other_units};
+use trical_recording::{CsvStream, RecordError, columns, is_mcap, open_large, output, refuse_other_units};
 use trical_report::Made;
 
 use crate::error::{CliError, Result};
@@ -148,23 +147,16 @@ pub fn passes(paths: &[PathBuf], robot: &Robot, wanted: bool, allowed: bool) -> 
     })
 }
 
-/// Refuses an output that lies in a folder that does not exist, or that would replace what is read or a recording, before any work is
-/// done.
+/// Refuses an output that cannot be written, or that would replace what is read or a recording, before any work is done.
 pub fn check_output<'a>(path: &Path, inputs: impl IntoIterator<Item = &'a Path>) -> Result<()> {
-    check_recording(path, inputs)?;
-    if is_recording(path) {
-        return Err(CliError::Input(format!(
-            "{}: is a recording, and would be replaced; expected another name for what this command writes",
-            path.display()
-        )));
-    }
-    Ok(())
+    Ok(output::check_no_recording(path, inputs)?)
 }
 
 /// What commands write, by the option that names it: how such names end, and what makes another format of it.
-const FORMATS: [(&str, &[&str], &str); 5] = [
+const FORMATS: [(&str, &[&str], &str); 6] = [
     ("model", &["toml"], ""),
     ("page", &["html", "htm"], "; a browser prints it as PDF"),
+    ("plan", &["csv"], ""),
     ("error map", &["csv"], ""),
     ("URDF", &["urdf", "xml"], ""),
     ("kinematics", &["yaml", "yml"], ""),
@@ -187,15 +179,9 @@ pub fn check_names<'a>(
                 endings[0]
             )));
         }
-        if let Some((other, _)) = before.iter().find(|(_, other)| other == path) {
-            return Err(CliError::Input(format!(
-                "{option}: found {}, which {other} names, too; expected a file for each",
-                path.display()
-            )));
-        }
         before.push((option, path));
     }
-    Ok(())
+    output::check_apart(&before).map_err(CliError::Input)
 }
 
 /// Whether a file is a recording, by how it begins.
@@ -210,24 +196,9 @@ fn is_recording(path: &Path) -> bool {
     read.is_ok() && (is_mcap(path).unwrap_or(false) || columns::is_recording(names))
 }
 
-/// The same of a command that writes a recording.
+/// The same as [`check_output`] of a command that writes a recording.
 pub fn check_recording<'a>(path: &Path, inputs: impl IntoIterator<Item = &'a Path>) -> Result<()> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if !folder.is_dir() {
-        return Err(CliError::Input(format!("{}: the folder {} does not exist", path.display(), folder.display())));
-    }
-    for input in inputs {
-        let input = UrdfPath::of(input).map_or_else(|| input.to_owned(), |urdf| urdf.path);
-        if let (Ok(a), Ok(b)) = (path.canonicalize(), input.canonicalize())
-            && a == b
-        {
-            return Err(CliError::Input(format!(
-                "{}: is read by this command, and would be replaced; expected another name for what it writes",
-                path.display()
-            )));
-        }
-    }
-    Ok(())
+    Ok(output::check_output(path, inputs)?)
 }
 
 #[cfg(test)]

@@ -243,6 +243,13 @@ pub fn hardly_moving(robot: &Robot, data: &Dataset) -> Vec<(usize, f64)> {
 /// # Errors
 /// One sentence with the number of measurements.
 pub fn check_poses(robot: &Robot, data: &Dataset) -> Result<()> {
+    if data.observations.is_empty() {
+        return Err(IdentError::NotEnough(format!(
+            "{}: no measurement is left to identify from{}",
+            data.names.join(", "),
+            rejected_in_words(&data.rejected).map_or_else(String::new, |r| format!(", {r}"))
+        )));
+    }
     if resting_joints(robot, data).len() == robot.dof() {
         return Err(IdentError::NotEnough(format!(
             "{}: all {} measurements were taken in the same pose (no joint moves by 0.1 deg or 0.1 mm){}; varied \

@@ -199,22 +199,33 @@ pub struct Choice {
     waves: bool,
 }
 
-/// A joint that the arm does not have.
+/// Joints whose compliance cannot be identified.
 #[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
-#[error("--compliant: joint {joint} does not exist; the arm has joints 1 to {dof}")]
-pub struct ChoiceError {
-    joint: usize,
-    dof: usize,
+pub enum ChoiceError {
+    /// A joint that the arm does not have.
+    #[error("--compliant: joint {joint} does not exist; the arm has joints 1 to {dof}")]
+    NoSuchJoint {
+        /// From 1.
+        joint: usize,
+        /// Joints of the arm.
+        dof: usize,
+    },
+    /// A set of parameters without compliance.
+    #[error("--compliant: found a model without compliance, expected compliance or complete")]
+    Rigid,
 }
 
 impl Choice {
     /// `compliant` are the joints (1-based) whose compliance is to be identified; empty for all that carry gravity.
     ///
     /// # Errors
-    /// A joint that an arm with `dof` joints does not have.
+    /// A joint that an arm with `dof` joints does not have; joints for a set without compliance.
     pub fn new(set: ParameterSet, compliant: &[usize], dof: usize) -> std::result::Result<Self, ChoiceError> {
+        if !compliant.is_empty() && matches!(set, ParameterSet::Nominal | ParameterSet::Geometry) {
+            return Err(ChoiceError::Rigid);
+        }
         match compliant.iter().find(|j| !(1..=dof).contains(j)) {
-            Some(joint) => Err(ChoiceError { joint: *joint, dof }),
+            Some(joint) => Err(ChoiceError::NoSuchJoint { joint: *joint, dof }),
             None => {
                 let compliant = (!compliant.is_empty()).then(|| compliant.to_vec());
                 Ok(Self { compliant, ..set.into() })

@@ -1,6 +1,5 @@
 //! Model files (`calibrated.toml`, `improved.toml`): everything that a prediction needs.
 
-use std::io::Write;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -538,27 +537,11 @@ impl ModelFile {
     }
 }
 
-/// Writes a file whole beside its place, then renames it into place.
+/// Writes a file whole or not at all ([`trical_recording::whole`]).
 ///
 /// # Errors
 /// The operating system's, with the file's name.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    let problem = |e: &std::io::Error| IdentError::File {
-        file: path.display().to_string(),
-        problem: format!("cannot be written: {e}"),
-    };
-    let mut name = path.file_name().unwrap_or_default().to_os_string();
-    name.push(format!(".part{}", std::process::id()));
-    let part = path.with_file_name(name);
-    // never into a file that is there, nor through a link: what a program of this number left is taken away
-    if part.symlink_metadata().is_ok() {
-        std::fs::remove_file(&part).map_err(|e| problem(&e))?;
-    }
-    let written = std::fs::File::create_new(&part)
-        .and_then(|mut f| f.write_all(bytes).and_then(|()| f.sync_all()))
-        .and_then(|()| std::fs::rename(&part, path));
-    if written.is_err() {
-        let _ = std::fs::remove_file(&part);
-    }
-    written.map_err(|e| problem(&e))
+    trical_recording::whole::write_whole(path, bytes)
+        .map_err(|e| IdentError::File { file: path.display().to_string(), problem: format!("cannot be written: {e}") })
 }

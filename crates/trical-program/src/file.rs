@@ -7,6 +7,7 @@ use std::io::{BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
 use trical_model::Model;
+use trical_recording::whole::Part as Whole;
 
 use crate::dialects::{Dialect, krl};
 use crate::elsewhere::{Elsewhere, Nowhere, Outside};
@@ -77,10 +78,12 @@ impl Job<'_> {
         let names: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
         let (bytes, ends) = read_all(&files, &names)?;
         let outs = self.outputs(&files)?;
-        let halves: Vec<Half> = outs.iter().map(|o| Half::beside(o)).collect();
+        let mut halves = Vec::new();
         let mut sinks: Vec<Box<dyn Sink>> = Vec::new();
-        for half in &halves {
-            sinks.push(Box::new(BufWriter::with_capacity(1 << 20, File::create(&half.0)?)));
+        for out in &outs {
+            let (part, file) = Whole::of(out)?;
+            halves.push(part);
+            sinks.push(Box::new(BufWriter::with_capacity(1 << 20, file)));
         }
         sinks.resize_with(files.len(), || Box::new(std::io::sink()));
         let mut parts: Vec<Part<'_>> = sinks
@@ -109,8 +112,8 @@ impl Job<'_> {
         for sink in &mut sinks {
             sink.end()?;
         }
-        for (half, out) in halves.iter().zip(&outs) {
-            std::fs::rename(&half.0, out)?;
+        for (part, out) in halves.into_iter().zip(&outs) {
+            part.put()?;
             report.written.push(out.display().to_string());
         }
         Ok(report)
@@ -314,23 +317,6 @@ pub fn left(name: &str, report: &Report, partial: bool) -> Result<(), ProgramErr
             "{name}: {n} target{s} cannot be rewritten, and nothing was written (--partial writes the others): {list}"
         )
     }))
-}
-
-/// Half a file, which goes away unless it is renamed.
-struct Half(PathBuf);
-
-impl Half {
-    fn beside(out: &Path) -> Self {
-        let mut name = out.file_name().unwrap_or_default().to_os_string();
-        name.push(format!(".part{}", std::process::id()));
-        Self(out.with_file_name(name))
-    }
-}
-
-impl Drop for Half {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.0);
-    }
 }
 
 /// The largest program, all its files together, bytes: with 50 bytes a target it takes ten times that in memory.

@@ -140,9 +140,8 @@ fn check_names(known: &Frames, options: &Options) -> Result<(), String> {
     for name in [&options.tool, &options.frame].into_iter().flatten() {
         if !known.tools.contains_key(&name.to_lowercase()) && !known.frames.contains_key(&name.to_lowercase()) {
             let all = known.tools.keys().chain(known.frames.keys()).cloned().collect::<Vec<_>>().join(", ");
-            return Err(format!(
-                "'{name}' is neither a tool nor a frame of the program or of --frames; known are {all}"
-            ));
+            let all = if all.is_empty() { "neither declares any".into() } else { format!("known are {all}") };
+            return Err(format!("'{name}' is neither a tool nor a frame of the program or of --frames; {all}"));
         }
     }
     Ok(())

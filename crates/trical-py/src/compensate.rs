@@ -6,8 +6,9 @@ use pyo3::prelude::*;
 use trical_ident::Expected;
 use trical_model::{Model, State};
 use trical_program::{Job, Options, ProgramError};
+use trical_recording::output;
 
-use crate::errors::{Failed, Result, bad};
+use crate::errors::{Failed, Result, bad, check};
 use crate::long::long;
 use crate::machine::{CellArgument, RobotArgument, read};
 use crate::model::PyModel;
@@ -42,12 +43,13 @@ fn within(name: &str, value: Option<f64>, from: f64, to: f64) -> PyResult<()> {
 
 /// Rewrites a program file; returns the command's JSON.
 #[pyfunction]
-#[pyo3(signature = (program, model, out, robot, cell, dialect, frames, partial, tool, frame, temp_c, time_s, seq, payload_kg, any_configuration, own_base))]
+#[pyo3(signature = (program, model, path, out, robot, cell, dialect, frames, partial, tool, frame, temp_c, time_s, seq, payload_kg, any_configuration, own_base))]
 #[expect(clippy::too_many_arguments, reason = "the keywords of trical.compensate")]
 pub fn _compensate(
     py: Python<'_>,
     program: PathBuf,
     model: &Bound<'_, PyModel>,
+    path: Option<PathBuf>,
     out: Option<PathBuf>,
     robot: RobotArgument,
     cell: CellArgument,
@@ -63,6 +65,10 @@ pub fn _compensate(
     any_configuration: bool,
     own_base: bool,
 ) -> Result<String> {
+    if let Some(out) = &out {
+        let read = [Some(&program), path.as_ref()].into_iter().flatten().chain(&frames);
+        check(output::check_no_recording(out, read.map(PathBuf::as_path)))?;
+    }
     within("temp_c", temp_c, -100.0, 200.0)?;
     within("payload_kg", payload_kg, 0.0, 1e4)?;
     within("time_s", time_s, 0.0, 1e9)?;
@@ -72,7 +78,7 @@ pub fn _compensate(
     let file = model.get().file.clone();
     file.require_robot(&nominal.robot, "the model")?;
     let options = Options {
-        model_name: "a model in Python".into(),
+        model_name: path.map_or_else(|| "a model in Python".into(), |path| path.display().to_string()),
         tool,
         frame,
         temp_c,

@@ -1,6 +1,7 @@
 //! Errors as Python knows them: one exception for each thing that a program may want to catch.
 
 use std::fmt;
+use std::path::Path;
 
 use pyo3::create_exception;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
@@ -13,7 +14,8 @@ use trical_diagnose::truth::TruthError;
 use trical_ident::{ChoiceError, IdentError};
 use trical_model::{IkError, ModelError};
 use trical_plan::PlanError;
-use trical_recording::RecordError;
+use trical_recording::whole::write_whole;
+use trical_recording::{RecordError, output};
 use trical_report::effect_names;
 
 create_exception!(trical, TricalError, PyValueError, "Bad input; the message is one sentence.");
@@ -161,6 +163,17 @@ impl From<trical_report::Error> for Failed {
 /// Bad input, in one sentence.
 pub fn bad(text: impl Into<String>) -> PyErr {
     TricalError::new_err(text.into())
+}
+
+/// What is wrong with the name of a file to be written, which is no recording that cannot be read.
+pub fn check(fits: trical_recording::Result<()>) -> PyResult<()> {
+    fits.map_err(|e| bad(e.to_string()))
+}
+
+/// Writes a file whole or not at all.
+pub fn write(path: &Path, bytes: &[u8]) -> PyResult<()> {
+    check(output::check_output(path, []))?;
+    write_whole(path, bytes).map_err(|e| bad(format!("{}: cannot be written: {e}", path.display())))
 }
 
 /// Results on their way to Python.

@@ -4,37 +4,27 @@ use std::path::{Path, PathBuf};
 
 use pyo3::prelude::*;
 use serde_json::{Value, json};
-use trical_ident::write_whole;
 use trical_model::urdf::UrdfPath;
-use trical_recording::{is_mcap, open_damaged, read_recording};
+use trical_recording::{is_mcap, open_damaged, output, read_recording};
 use trical_report::{ErrorMap, Export};
 
-use crate::errors::{Result, bad};
+use crate::errors::{Result, bad, check, write};
 use crate::long::long;
 use crate::machine::{PyCell, PyRobot, RobotArgument};
 use crate::model::PyModel;
 use crate::rows::save;
 
-/// Refuses an output whose folder does not exist, before any work is done.
-fn check_output(path: &Path) -> Result<()> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if folder.is_dir() {
-        return Ok(());
-    }
-    Err(bad(format!("{}: the folder {} does not exist", path.display(), folder.display())).into())
-}
-
 /// A recording from CSV to MCAP or back, an arm from URDF to robot.toml; returns the command's JSON.
 #[pyfunction]
 pub fn _convert(py: Python<'_>, input: PathBuf, output: PathBuf, joints: Option<usize>) -> Result<String> {
-    check_output(&output)?;
+    check(output::check_output(&output, [input.as_path()]))?;
     let said = long(py, None, |_| -> Result<Value> {
         if let Some(source) = UrdfPath::of(&input) {
             let arm = source.load()?;
             if output.extension().is_none_or(|e| e != "toml") {
                 return Err(bad(format!("{}: an arm is written as .toml", output.display())).into());
             }
-            write_whole(&output, arm.to_toml(&source.path).as_bytes())?;
+            write(&output, arm.to_toml(&source.path).as_bytes())?;
             return Ok(json!({ "joints": arm.joints, "root": arm.root, "tip": arm.tip, "out": output }));
         }
         let (recording, lost) = open_damaged(&input, joints)?;
@@ -50,7 +40,7 @@ pub fn _convert(py: Python<'_>, input: PathBuf, output: PathBuf, joints: Option<
 pub fn _export(
     py: Python<'_>,
     model: &Bound<'_, PyModel>,
-    name: String,
+    path: Option<PathBuf>,
     robot: Option<RobotArgument>,
     urdf: Option<PathBuf>,
     mdh: Option<PathBuf>,
@@ -58,17 +48,22 @@ pub fn _export(
     ur_kinematics: Option<PathBuf>,
     poses: usize,
 ) -> Result<String> {
-    for out in [&urdf, &mdh, &error_map, &ur_kinematics].into_iter().flatten() {
-        check_output(out)?;
+    let outs = [("urdf", &urdf), ("mdh", &mdh), ("error_map", &error_map), ("ur_kinematics", &ur_kinematics)];
+    let outs: Vec<(&str, &Path)> = outs.iter().filter_map(|(name, out)| Some((*name, out.as_deref()?))).collect();
+    output::check_apart(&outs).map_err(bad)?;
+    let arm = match &robot {
+        Some(RobotArgument::Path(path)) => Some(path.as_path()),
+        _ => None,
+    };
+    for (_, out) in &outs {
+        check(output::check_no_recording(out, path.as_deref().into_iter().chain(arm)))?;
     }
     if !(1..=1_000_000).contains(&poses) {
         return Err(bad(format!("poses is {poses}, expected 1 to 1000000")).into());
     }
     let file = model.get().file.clone();
-    let given = match &robot {
-        Some(RobotArgument::Path(path)) => UrdfPath::of(path),
-        _ => None,
-    };
+    let given = arm.and_then(UrdfPath::of);
+    let name = path.map_or_else(|| "a model in Python".to_owned(), |path| path.display().to_string());
     if let Some(robot) = robot {
         file.require_robot(&robot.read()?, &name)?;
     }
@@ -76,27 +71,27 @@ pub fn _export(
     let said = long(py, None, |_| -> Result<Value> {
         let arm = Export::of(&model)?;
         let mut written = Vec::new();
-        let mut write = |out: &Path, text: &str| -> Result<()> {
-            write_whole(out, text.as_bytes())?;
+        let mut put = |out: &Path, text: &str| -> Result<()> {
+            write(out, text.as_bytes())?;
             written.push(out.display().to_string());
             Ok(())
         };
         if let Some(out) = &urdf {
             match &given {
-                Some(given) => write(out, &trical_model::calibrated::corrected_file(given, &model)?)?,
-                None => write(out, &arm.urdf(&name))?,
+                Some(given) => put(out, &trical_model::calibrated::corrected_file(given, &model)?)?,
+                None => put(out, &arm.urdf(&name))?,
             }
         }
         if let Some(out) = &ur_kinematics {
-            write(out, &trical_model::calibrated::ur_kinematics(&model, "calib_trical")?)?;
+            put(out, &trical_model::calibrated::ur_kinematics(&model, "calib_trical")?)?;
         }
         if let Some(out) = &mdh {
-            write(out, &arm.table(out)?)?;
+            put(out, &arm.table(out)?)?;
         }
         let mut map = Value::Null;
         if let Some(out) = &error_map {
             let errors = ErrorMap::of(&model, poses)?;
-            write(out, &errors.csv())?;
+            put(out, &errors.csv())?;
             map = serde_json::to_value(errors.summary())?;
         }
         let mut said = arm.json(&written);

@@ -260,7 +260,7 @@ pub fn _repeatability(
     py.detach(|| {
         let robot = robot.map(|r| r.read()).transpose()?;
         let cell = cell.map(|c| c.read()).transpose()?;
-        Ok(serde_json::to_string(&repeatability(&recording, robot, cell, same)?)?)
+        Ok(serde_json::to_string(&repeatability(&recording, robot, cell, same.to_degrees())?)?)
     })
 }
 

@@ -5,11 +5,10 @@ use std::path::{Path, PathBuf};
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
-use trical_ident::write_whole;
 use trical_model::{Cell, JointKind, Robot};
 use trical_plan::geometry::mesh::resolve_meshes;
 
-use crate::errors::{Failed, Result, bad};
+use crate::errors::{Failed, Result, bad, write};
 
 /// A nominal arm: modified Denavit-Hartenberg parameters, limits, masses.
 #[pyclass(name = "Robot", module = "trical", frozen)]
@@ -36,7 +35,7 @@ impl PyRobot {
 
     /// Writes a robot.toml.
     fn save(&self, path: PathBuf) -> Result<()> {
-        Ok(write_whole(&path, self.0.to_toml().as_bytes())?)
+        Ok(write(&path, self.0.to_toml().as_bytes())?)
     }
 
     /// Its name.
@@ -117,7 +116,7 @@ impl PyCell {
 
     /// Writes a cell.toml.
     fn save(&self, path: PathBuf) -> Result<()> {
-        Ok(write_whole(&path, self.0.to_toml().as_bytes())?)
+        Ok(write(&path, self.0.to_toml().as_bytes())?)
     }
 
     /// Centres of the balls in the world, (balls, 3), m.

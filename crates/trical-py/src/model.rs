@@ -6,14 +6,14 @@ use nalgebra::Vector3;
 use numpy::ndarray::{Array1, Array2, Array3};
 use numpy::{IntoPyArray, PyArray2};
 use pyo3::prelude::*;
-use trical_ident::{JointSource, ModelFile, shown, write_whole};
+use trical_ident::{JointSource, ModelFile, shown};
 use trical_model::ik::nearest_solution;
 use trical_model::{Cell, Forward, Joints, MAX_JOINTS, Model, Pose, Rigid, State, Workspace, urdf};
 use trical_report::ErrorMap;
 use trical_report::error_map::Miss;
 
 use crate::arrays::{Beside, Known, States, Table, floats, joints_array, rows_or_one};
-use crate::errors::{Failed, Result, bad};
+use crate::errors::{Failed, Result, bad, write};
 use crate::long::long;
 use crate::machine::{CellArgument, PyCell, PyRobot, RobotArgument, kinds, limits};
 
@@ -95,7 +95,7 @@ impl PyModel {
 
     /// Writes a model file.
     fn save(&self, path: PathBuf) -> Result<()> {
-        Ok(self.file.save(&path)?)
+        Ok(write(&path, self.file.to_toml()?.as_bytes())?)
     }
 
     /// The text of the model file.
@@ -197,7 +197,7 @@ impl PyModel {
 
     /// Writes the rigid part as a URDF.
     fn save_urdf(&self, path: PathBuf) -> Result<()> {
-        Ok(write_whole(&path, self.to_urdf()?.as_bytes())?)
+        Ok(write(&path, self.to_urdf()?.as_bytes())?)
     }
 
     /// Terms as JSON text.
@@ -236,10 +236,10 @@ impl PyModel {
     /// limits, the same ones each time. Returns their joints (n, joints) rad (m), where the nominal arm's TCP is there (n, 3) m,
     /// and from there to where this model's is (n, 3) m, in the axes of the arm's base.
     #[pyo3(signature = (n=2000))]
-    fn error_map<'py>(&self, py: Python<'py>, n: usize) -> Result<ErrorMapArrays<'py>> {
-        if !(1..=1_000_000).contains(&n) {
+    fn error_map<'py>(&self, py: Python<'py>, n: i64) -> Result<ErrorMapArrays<'py>> {
+        let Some(n) = usize::try_from(n).ok().filter(|n| (1..=1_000_000).contains(n)) else {
             return Err(bad(format!("n is {n}, expected 1 to 1000000 poses")).into());
-        }
+        };
         let misses = long(py, None, |_| ErrorMap::of(&self.file.model, n))?.misses;
         let joints: Vec<_> = misses.iter().map(|m| m.joints).collect();
         let of =

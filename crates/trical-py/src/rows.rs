@@ -9,13 +9,13 @@ use numpy::{Element, IntoPyArray};
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
-use trical_ident::write_whole;
 use trical_model::{MAX_JOINTS, Measured, Recording, Robot, Row, State};
+use trical_recording::csv::is_nothing;
 use trical_recording::mcap::{Header, write_recording};
-use trical_recording::{Places, open, open_damaged, parse, refuse_other_units, to_csv};
+use trical_recording::{Places, open, open_damaged, output, parse, refuse_other_units, to_csv};
 
 use crate::arrays::floats;
-use crate::errors::{RecordingError, Result, bad};
+use crate::errors::{RecordingError, Result, bad, check, write};
 
 /// Joints turn no further (rad or m), and no instrument looks further (m), than in files.
 const FAR_JOINT: f64 = 1750.0;
@@ -46,9 +46,13 @@ fn warned(recording: Recording) -> Result<Recording> {
 
 /// Writes a .csv or an .mcap.
 pub fn save(recording: &Recording, path: &Path) -> Result<()> {
-    match path.extension().and_then(|e| e.to_str()) {
-        Some("csv") => Ok(write_whole(path, &to_csv(recording)?)?),
-        Some("mcap") => Ok(write_recording(path, recording, &Header::for_joints(recording.joints))?),
+    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+    match ending.as_deref() {
+        Some("csv") => Ok(write(path, &to_csv(recording)?)?),
+        Some("mcap") => {
+            check(output::check_output(path, []).and_then(|()| output::check_not_measured(path)))?;
+            Ok(write_recording(path, recording, &Header::for_joints(recording.joints))?)
+        }
         _ => Err(bad(format!("{}: the name must end in .csv or .mcap", path.display())).into()),
     }
 }
@@ -225,7 +229,7 @@ impl Columns {
             state.dir = Some(dir);
         }
         state.torques = self.torques.within(k, 1e9)?.map(|t| State::at(t).q);
-        if let Some(name) = self.place.as_ref().map(|names| names[k].trim()).filter(|name| !name.is_empty()) {
+        if let Some(name) = self.place.as_ref().map(|names| names[k].trim()).filter(|name| !is_nothing(name)) {
             state.place = Some(places.index_of(name).map_err(|e| wrong(format!("place, row {k}: {e}")))?);
         }
         let number = |column: &Column| Ok::<_, PyErr>(column.within(k, 1e9)?.map(|x| x[0]));
@@ -272,7 +276,11 @@ impl Columns {
             (_, Some(_), Some(_)) => {
                 Err(wrong(format!("row {k}: names a target and a reference, expected one of them")))
             }
-            (Some(o), ..) => {
+            (Some(_), Some(target), None) if target > 0 => Err(wrong(format!(
+                "target, row {k}: found target {} with an orientation; full poses are of the tool: leave out the orientation or the target",
+                target + 1
+            ))),
+            (Some(o), _, None) => {
                 let norm = o.iter().map(|x| x * x).sum::<f64>().sqrt();
                 if norm.is_nan() || (norm - 1.0).abs() > 1e-2 {
                     let text = format!("orientation, row {k}: the quaternion has length {norm:.4}, expected 1");
@@ -280,7 +288,8 @@ impl Columns {
                 }
                 Ok(Measured::Pose { position, quaternion: array(o) })
             }
-            (None, _, Some(reference)) => Ok(Measured::Reference { reference, position }),
+            // a fixed point has no orientation, whatever the instrument says beside it
+            (_, None, Some(reference)) => Ok(Measured::Reference { reference, position }),
             (None, target, None) => Ok(Measured::Point { target: target.unwrap_or(0), position }),
         }
     }

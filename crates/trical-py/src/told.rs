@@ -6,12 +6,13 @@ use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
 use trical_diagnose::Diagnosis;
-use trical_ident::{Calibration, JointSource, ModelFile, Validation, write_whole};
+use trical_ident::{Calibration, JointSource, ModelFile, Validation};
 use trical_model::{Cell, JointKind, Robot};
+use trical_recording::output;
 use trical_report::study::Study;
 use trical_report::{Made, certificate, diagnosis_report, identify_report, plan_report, plan_told, validate_report};
 
-use crate::errors::{Result, bad};
+use crate::errors::{Result, bad, check, write};
 use crate::long::long;
 
 /// What was worked out, of whichever kind.
@@ -40,15 +41,15 @@ impl Kept {
     }
 }
 
-/// Refuses a page whose name says another format.
-fn page(path: &Path) -> Result<()> {
+/// Refuses a page whose name says another format, or that cannot be written there.
+fn page(path: &Path, inputs: &[PathBuf]) -> Result<()> {
     match path.extension() {
         Some(found) if !["html", "htm"].iter().any(|e| found.eq_ignore_ascii_case(e)) => Err(bad(format!(
             "path is {}, expected a name that ends in .html; a browser prints it as PDF",
             path.display()
         ))
         .into()),
-        _ => Ok(()),
+        _ => Ok(check(output::check_no_recording(path, inputs.iter().map(PathBuf::as_path)))?),
     }
 }
 
@@ -96,7 +97,7 @@ impl PyTold {
 
     /// Writes the certificate of a calibration or a validation: one page, made by `call` from `inputs`.
     fn certify(&self, py: Python<'_>, path: PathBuf, call: String, inputs: Vec<PathBuf>) -> Result<()> {
-        page(&path)?;
+        page(&path, &inputs)?;
         long(py, None, |_| -> Result<()> {
             let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
             let made = Made::by(call, &inputs);
@@ -105,18 +106,18 @@ impl PyTold {
                 Kept::Scored(s) => certificate::of_validation(&s.0, &made)?,
                 _ => return Err(bad("a certificate is of an identification or a validation").into()),
             };
-            Ok(write_whole(&path, html.as_bytes())?)
+            Ok(write(&path, html.as_bytes())?)
         })?;
         Ok(())
     }
 
     /// Writes the report: one HTML file, whole or not at all, that says it was made by `call` from `inputs`.
     fn write(&self, py: Python<'_>, path: PathBuf, call: String, inputs: Vec<PathBuf>) -> Result<()> {
-        page(&path)?;
+        page(&path, &inputs)?;
         long(py, None, |_| -> Result<()> {
             let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
             let html = self.0.html(Made::by(call, &inputs))?;
-            Ok(write_whole(&path, html.as_bytes())?)
+            Ok(write(&path, html.as_bytes())?)
         })?;
         Ok(())
     }

@@ -141,6 +141,9 @@ impl Reader<'_> {
             let (needed, missing) = (Kind::Touch.required().join(", "), columns::column(missing).words());
             return Err(self.wrong_header(format!("a touch needs {needed}; {missing} missing")));
         }
+        if slots.has(Field::Anchor) && !slots.has(Field::Length) {
+            return Err(self.wrong_header("column anchor is there, but d_mm is missing: the length from it"));
+        }
         let orientations = [Field::Quaternion, Field::RollPitchYaw, Field::Matrix];
         let said: Vec<String> =
             orientations.into_iter().filter(|f| slots.has(*f)).map(|f| columns::column(f).words()).collect();
@@ -179,7 +182,7 @@ impl Cells<'_, '_> {
     fn empty(&self, slot: Slot) -> bool {
         let text = self.text(slot);
         // most numbers are longer than any of these
-        text.is_empty() || (text.len() <= 4 && NOTHING.iter().any(|nothing| nothing.eq_ignore_ascii_case(text)))
+        text.len() <= 4 && is_nothing(text)
     }
 
     /// Whether one of these is empty.
@@ -207,8 +210,10 @@ impl Cells<'_, '_> {
         let limit = slot.unit.limit();
         match self.text(slot).parse::<f64>() {
             Ok(v) if v.abs() <= limit => Ok(slot.unit.to_si(v)),
-            Ok(v) if v.is_finite() => Err(self.unexpected(slot, &format!("between -{limit} and {limit}"))),
-            _ => Err(self.unexpected(slot, "a finite number")),
+            Ok(v) if v.is_finite() => {
+                Err(self.unexpected(slot, &format!("between -{limit} and {limit}{}", since(slot.unit))))
+            }
+            _ => Err(self.unexpected(slot, &format!("a finite number{}", since(slot.unit)))),
         }
     }
 
@@ -257,6 +262,24 @@ impl Cells<'_, '_> {
     /// `None` = nothing was measured at this pose, or not all of it: a lost beam, a gauge that did not answer.
     fn measured(&self, slots: &Slots) -> Result<Option<Measured>> {
         let filled = |field: Field| slots.one(field).filter(|s| !self.empty(*s));
+        let whole = |field: Field| slots.has(field) && !self.gap(slots.all(field));
+        let kinds = [
+            (filled(Field::Ball).filter(|_| whole(Field::Indicators)), "a touch"),
+            (filled(Field::Length), "a length"),
+            (filled(Field::Position).filter(|_| whole(Field::Position)), "a position"),
+        ];
+        let mut found = kinds.iter().filter_map(|(slot, what)| slot.map(|slot| (slot, what)));
+        if let (Some((first, one)), Some((_, other))) = (found.next(), found.next()) {
+            return Err(
+                self.error(first, format!("found {one} and {other} in one row, expected one measurement a row"))
+            );
+        }
+        let of_position = [Field::Target, Field::Reference].into_iter().find_map(filled);
+        if let Some(slot) = of_position.filter(|_| kinds[..2].iter().any(|(slot, _)| slot.is_some()))
+            && (slots.one(Field::Target).is_none_or(|t| t.at != slot.at) || self.count(slot)? > 0)
+        {
+            return Err(self.error(slot, format!("found '{}' beside what is no position", self.text(slot))));
+        }
         if let Some(ball) = filled(Field::Ball) {
             let (ball, reading) = (self.count(ball)?, slots.all(Field::Indicators));
             if self.gap(reading) {
@@ -281,6 +304,28 @@ impl Cells<'_, '_> {
             return Ok(None);
         }
         let position = self.numbers(position)?;
+        match (filled(Field::Target), filled(Field::Reference)) {
+            (Some(t), Some(_)) => {
+                return Err(self.error(t, "the row names a target and a reference, expected one of them".into()));
+            }
+            // a fixed point has no orientation, whatever the instrument says beside it
+            (None, Some(r)) => return Ok(Some(Measured::Reference { reference: self.count(r)?, position })),
+            (Some(t), None) => {
+                let target = self.count(t)?;
+                let oriented = orientations.iter().any(|o| !o.is_empty() && !self.gap(o));
+                if !oriented {
+                    return Ok(Some(Measured::Point { target, position }));
+                }
+                if target > 0 {
+                    let problem = format!(
+                        "found target {} with an orientation; full poses are of the tool: leave out the orientation or the target",
+                        target + 1
+                    );
+                    return Err(self.error(t, problem));
+                }
+            }
+            (None, None) => {}
+        }
         if let Some(first) = filled(Field::Quaternion) {
             let quaternion: [f64; 4] = self.numbers(slots.all(Field::Quaternion))?;
             let norm = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -299,14 +344,7 @@ impl Cells<'_, '_> {
             let quaternion = rotation_of(&numbers).map_err(|problem| self.error(first, problem))?;
             return Ok(Some(Measured::Pose { position, quaternion }));
         }
-        Ok(Some(match (filled(Field::Target), filled(Field::Reference)) {
-            (Some(t), Some(_)) => {
-                return Err(self.error(t, "the row names a target and a reference, expected one of them".into()));
-            }
-            (None, Some(r)) => Measured::Reference { reference: self.count(r)?, position },
-            (Some(t), None) => Measured::Point { target: self.count(t)?, position },
-            (None, None) => Measured::Point { target: 0, position },
-        }))
+        Ok(Some(Measured::Point { target: 0, position }))
     }
 
     fn row(&self, slots: &Slots, places: &mut Places) -> Result<Option<Row>> {
@@ -331,13 +369,18 @@ impl Cells<'_, '_> {
         }
         state.payload_kg = self.optional(slots.one(Field::Payload))?;
         state.torques = self.optional_numbers(slots.all(Field::Torques))?;
-        if let Some(slot) = slots.one(Field::Place).filter(|s| !self.text(*s).is_empty()) {
+        if let Some(slot) = slots.one(Field::Place).filter(|s| !self.empty(*s)) {
             state.place = Some(places.index_of(self.text(slot)).map_err(|problem| self.error(slot, problem))?);
         }
         let seq = slots.one(Field::Seq).filter(|s| !self.empty(*s));
         let seq = seq.map(|s| self.whole(s, 0.0, "a whole number")).transpose()?;
         Ok(self.measured(slots)?.map(|measured| Row { state, measured, seq, line: self.line }))
     }
+}
+
+/// What is said of a time that cannot be read, as one of a calendar.
+fn since(unit: Unit) -> &'static str {
+    if unit == Unit::Second { ": seconds since the recording began; subtract the first time" } else { "" }
 }
 
 /// A matrix, row by row, as a quaternion: of the rotation that is nearest to it.
@@ -358,6 +401,12 @@ fn rotation_of(rows: &[f64; 9]) -> Result<[f64; 4], String> {
 pub(crate) struct Parser<'a> {
     reader: Reader<'a>,
     slots: Slots,
+}
+
+/// Whether a cell says that nothing was measured or known: it is empty, or holds a mark that people and programs set for it.
+#[must_use]
+pub fn is_nothing(cell: &str) -> bool {
+    NOTHING.iter().any(|nothing| nothing.eq_ignore_ascii_case(cell))
 }
 
 /// What stands where nothing was measured, in either case.
@@ -451,7 +500,9 @@ impl<'a> Parser<'a> {
             if record.len() != self.reader.header.len() {
                 let (found, expected) = (record.len(), self.reader.header.len());
                 // a decimal comma divides its number in two
-                let hint = if found > expected && record.iter().any(|f| f.trim().parse::<i64>().is_ok()) {
+                let hint = if found > expected && record.iter().skip(expected).all(|f| f.trim().is_empty()) {
+                    "; there is nothing behind the last separator: remove it"
+                } else if found > expected && record.iter().any(|f| f.trim().parse::<i64>().is_ok()) {
                     "; with decimal commas, the fields have to be divided by semicolons or tabs"
                 } else {
                     ""
@@ -533,6 +584,22 @@ pub(crate) fn header_names(begin: &[u8]) -> Vec<String> {
     tidy::decoded(begin).map(|(text, _)| tidy::names(&text)).unwrap_or_default()
 }
 
+/// What would have to be done to a file that begins with these bytes before it could be read row by row; `None` for nothing.
+pub(crate) fn is_untidy(begin: &[u8]) -> Option<String> {
+    // whole lines, lest a letter be cut
+    let begin = begin.iter().rposition(|b| *b == b'\n').map_or(begin, |at| &begin[..at]);
+    let (text, encoded) = tidy::decoded(begin)?;
+    let separated_by_cr = !begin.contains(&b'\n') && begin.contains(&b'\r');
+    let note = match tidy::tidied(&text) {
+        Ok(tidied) => tidied.note,
+        Err(problem) => Some(problem),
+    };
+    encoded
+        .map(str::to_owned)
+        .or(note)
+        .or_else(|| separated_by_cr.then(|| "its lines end with a carriage return".to_owned()))
+}
+
 /// What a file without rows is told.
 pub(crate) fn no_rows(left_out: &[usize]) -> &'static str {
     if left_out.is_empty() { "has a header but no rows" } else { "has no row with a measured value" }
@@ -552,7 +619,7 @@ pub fn parse_csv(bytes: &[u8], file: &str, joints: usize) -> Result<Recording> {
     if text.trim().is_empty() {
         return Err(problem("is empty; expected a CSV recording with a header line"));
     }
-    let tidy::Tidied { text, before, note } = tidy::tidied(text);
+    let tidy::Tidied { text, before, note } = tidy::tidied(text).map_err(|p| problem(&p))?;
     let mut csv = csv_reader(true).from_reader(text.as_bytes());
     let header = csv.headers().map_err(|e| problem(&format!("the header cannot be read: {e}")))?.clone();
     let parser = Parser::new(file, &header, joints)?;

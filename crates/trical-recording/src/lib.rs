@@ -19,9 +19,11 @@
 //! | [`json`] | a row as a JSON object: the messages of an MCAP recording |
 //! | [`mcap`] | MCAP recordings: writer with resume, reader that recovers what is whole |
 //! | [`motion`] | joint samples and the sense of each joint's last motion |
+//! | [`output`] | what may be written: never over what is read |
 //! | [`shared`] | what all rows of a recording share: joints, places |
 //! | [`stream`] | large CSV files in passes, and a sample of their rows |
 //! | [`visits`] | visits of sockets, taken down one by one |
+//! | [`whole`](mod@whole) | files that are written whole or not at all |
 
 mod bounds;
 pub mod columns;
@@ -31,9 +33,11 @@ pub mod json;
 pub mod mcap;
 pub mod motion;
 pub mod open;
+pub mod output;
 pub mod shared;
 pub mod stream;
 pub mod visits;
+pub mod whole;
 
 pub use crate::csv::{load_csv, parse_csv, write_csv};
 pub use crate::mcap::{ReadRecording, RecordingWriter, RunLog, read_recording, write_recording};

@@ -36,6 +36,16 @@ fn behind(begin: &[u8], t: f64, frames: &[&str], numbers: &[f64]) -> Vec<u8> {
 
 /// A bag with joint states at 50 Hz and sights at 10 Hz, which `message` writes of the time and joint 1.
 fn bag(path: &Path, schema: &str, message: &dyn Fn(f64, f64) -> Vec<u8>) {
+    bag_with(path, schema, message, &|_, state| vec![state]);
+}
+
+/// The same with joint states that `states` makes of the number and the arm's own.
+fn bag_with(
+    path: &Path,
+    schema: &str,
+    message: &dyn Fn(f64, f64) -> Vec<u8>,
+    told: &dyn Fn(u32, JointState) -> Vec<JointState>,
+) {
     let mut bag = mcap::WriteOptions::new().create(File::create(path).unwrap()).unwrap();
     let mut channel = |topic: &str, schema: &str| {
         let schema = bag.add_schema(schema, "ros2msg", b"").unwrap();
@@ -59,7 +69,7 @@ fn bag(path: &Path, schema: &str, message: &dyn Fn(f64, f64) -> Vec<u8>) {
             position: vec![0.7, angle],
             ..JointState::default()
         };
-        write(states, k, t, &state.to_cdr());
+        told(k, state).iter().for_each(|state| write(states, k, t, &state.to_cdr()));
         if k % 5 == 2 {
             write(sights, k, t, &message(t, angle));
         }
@@ -114,7 +124,11 @@ fn points_and_transforms_are_read_and_other_topics_named() {
     assert!(read.notes.join("\n").contains("by when they were recorded"), "{:?}", read.notes);
     bag(&path, "geometry_msgs/msg/PointStamped", &|_, angle| stamped(0.0, &["tracker"], &[angle, 2.0, f64::NAN]));
     let message = read_any(&path, Some(2), None).unwrap_err().to_string();
-    assert!(message.contains("message 1") && message.contains("/tracker/pose"), "{message}");
+    assert!(message.contains("none of 30 measurements") && message.contains("30 hold no finite numbers"), "{message}");
+    bag(&path, "geometry_msgs/msg/Pose", &|_, angle| stamped(0.0, &[], &[angle, 2.0, 0.0, 0.0, 0.0, 0.0, 1.0]));
+    let message = read_any(&path, Some(2), None).unwrap_err().to_string();
+    assert!(message.contains("has no topic with measurements (PoseStamped"), "{message}");
+    assert!(message.ends_with("found geometry_msgs/msg/Pose on /tracker/pose"), "{message}");
 
     let one = stamped(100.5, &["tracker", "probe"], &[0.25, 2.0, -3.0, 0.0, 0.0, 0.0, 1.0]);
     let read = Stamped::from_cdr(&one, StampedKind::Transform).unwrap();
@@ -122,9 +136,54 @@ fn points_and_transforms_are_read_and_other_topics_named() {
     assert_eq!((read[0].position, read[0].quaternion), ([0.25, 2.0, -3.0], Some([1.0, 0.0, 0.0, 0.0])));
     // twice as long is no rotation
     let long = stamped(0.0, &["tracker", "probe"], &[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0]);
-    assert_eq!(Stamped::from_cdr(&long, StampedKind::Transform), None);
+    assert!(!Stamped::from_cdr(&long, StampedKind::Transform).unwrap()[0].is_whole() && read[0].is_whole());
     let skew = stamped(0.0, &["tracker", "probe"], &[0.0, 0.0, 0.0, 0.5, -0.5, 0.5, 0.5]);
     assert_eq!(Stamped::from_cdr(&skew, StampedKind::Transform).unwrap()[0].quaternion, Some([0.5, 0.5, -0.5, 0.5]));
+}
+
+#[test]
+fn the_arm_is_told_from_others_on_its_topic_and_lost_measurements_are_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let far = |t: f64, angle: f64| {
+        // one measurement of each stop is lost, another is of something else
+        let (lost, else_) = ((t * 10.0).round() % 10.0 == 3.0, (t * 10.0).round() % 10.0 == 5.0);
+        stamped(t, &["tracker"], &[angle + if else_ { 0.5 } else { 0.0 }, 2.0, if lost { f64::NAN } else { -3.0 }])
+    };
+    // a gripper with as many joints publishes first, and the arm's joints come in either order, some without a position
+    let told = |k: u32, mut state: JointState| {
+        let gripper =
+            JointState { names: vec!["finger_a".into(), "finger_b".into()], position: vec![0.0; 2], ..state.clone() };
+        if k % 2 == 1 {
+            state.names.reverse();
+            state.position.reverse();
+        }
+        if k % 25 == 20 {
+            state.position = vec![f64::NAN; 2];
+        }
+        if k % 5 == 0 { vec![gripper, state] } else { vec![state] }
+    };
+    bag_with(&path, "geometry_msgs/msg/PointStamped", &far, &told);
+    let read = read_any(&path, Some(2), None).unwrap().recording;
+    assert_eq!(read.rows.len(), 3, "{:?}", read.notes);
+    for (row, angle) in read.rows.iter().zip(STOPS) {
+        assert!((row.state.q[0] - angle).abs() < 1e-12 && (row.state.q[1] - 0.7).abs() < 1e-12, "{:?}", row.state.q);
+        let Measured::Point { position, .. } = row.measured else { panic!("a point: {:?}", row.measured) };
+        assert!((position[0] - angle).abs() < 1e-12, "{position:?}");
+    }
+    let said = read.notes.join("\n");
+    for part in [
+        "30 of finger_a, finger_b",
+        "6 of 150 joint states on /joint_states have no finite position",
+        "3 without finite numbers or a unit quaternion, 3 far from the others of their stop",
+        "they are 0.000 mm off at most",
+    ] {
+        assert!(said.contains(part), "{part} in {said}");
+    }
+    let frames = |t: f64, angle: f64| stamped(t, &[if t > 101.0 { "map" } else { "tracker" }], &[angle, 2.0, -3.0]);
+    bag(&path, "geometry_msgs/msg/PointStamped", &frames);
+    let message = read_any(&path, Some(2), None).unwrap_err().to_string();
+    assert!(message.contains("in the frames 'map', 'tracker'; expected one frame"), "{message}");
 }
 
 /// A tree of transforms holds several frames: the only one is taken, and of others the names are told.

@@ -26,7 +26,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE", required_unless_present = "check")]
     out: Option<PathBuf>,
     /// Write nothing: list each target with its error before and after, as the model predicts it
-    #[arg(long)]
+    #[arg(long, conflicts_with = "out")]
     check: bool,
     /// Write even where targets could not be rewritten; those stay as they are
     #[arg(long)]
@@ -52,7 +52,7 @@ pub struct Args {
     #[arg(long, value_name = "T")]
     time_s: Option<f64>,
     /// The same for a model of a recording without times: after how many of its poses (seq)
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", conflicts_with = "time_s")]
     seq: Option<f64>,
     /// Mass on the flange beyond the tool's own, kg
     #[arg(long, value_name = "M")]
@@ -92,7 +92,7 @@ pub fn run(args: &Args) -> Result<()> {
     let name = args.program.display().to_string();
     if let Some(out) = &args.out {
         let read = [&args.program, &args.model].into_iter().chain(&args.frames);
-        input::check_output(out, read.map(PathBuf::as_path))?;
+        input::check_output(out, read.map(PathBuf::as_path).chain(args.cell.files()))?;
     }
     finite("--temp-c", args.temp_c, -100.0, 200.0)?;
     finite("--payload-kg", args.payload_kg, 0.0, 1e4)?;
@@ -100,7 +100,7 @@ pub fn run(args: &Args) -> Result<()> {
     finite("--seq", args.seq, 0.0, 1e9)?;
     let job = Job {
         program: &args.program,
-        out: args.out.as_deref().filter(|_| !args.check),
+        out: args.out.as_deref(),
         dialect: args.dialect.as_deref(),
         frames: &args.frames,
         partial: args.partial,

@@ -8,8 +8,9 @@ use trical_model::Robot;
 use trical_model::calibrated::calibrated_by_maker;
 use trical_model::error::read_text;
 use trical_model::urdf::UrdfPath;
-use trical_recording::mcap::{Header, read_recording, write_recording};
-use trical_recording::{is_mcap, open_damaged, to_csv};
+use trical_recording::mcap::{Header, write_recording};
+use trical_recording::output::check_not_measured;
+use trical_recording::{open_damaged, to_csv};
 
 use crate::error::{CliError, Result};
 use crate::{input, say};
@@ -61,7 +62,8 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(lost) = &lost {
         crate::note!("trical: note: {lost}");
     }
-    match output.extension().and_then(|e| e.to_str()) {
+    let ending = output.extension().map(|e| e.to_string_lossy().to_lowercase());
+    match ending.as_deref() {
         Some("csv") => {
             write_whole(output, &to_csv(&recording)?)?;
         }
@@ -78,17 +80,6 @@ pub fn run(args: &Args) -> Result<()> {
         return say(serde_json::to_string_pretty(&value)?);
     }
     say(format!("{} rows written to {}", recording.rows.len(), output.display()))
-}
-
-/// A recording of a measurement has the joints while the arm moved, a conversion has not: it may replace another conversion only.
-fn check_not_measured(output: &Path) -> Result<()> {
-    if output.is_file() && is_mcap(output)? && !read_recording(output).is_ok_and(|old| old.joint_states.is_empty()) {
-        return Err(CliError::Input(format!(
-            "{}: holds what was measured, the joints between the measurements too, and would be replaced; expected another name",
-            output.display()
-        )));
-    }
-    Ok(())
 }
 
 /// Writes the arm that Universal Robots measured as robot.toml.

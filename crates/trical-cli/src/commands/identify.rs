@@ -57,7 +57,7 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "complete")]
     model: Set,
     /// Compliance of these joints only, e.g. 2,3,4,5
-    #[arg(long, value_delimiter = ',', value_name = "JOINTS")]
+    #[arg(long, value_delimiter = ',', value_name = "JOINTS", value_parser = joint)]
     compliant: Vec<usize>,
     /// What is known beforehand: a TOML file of [[parameter]] tables with name and value and sd (a prior), min, max
     #[arg(long, value_name = "FILE", conflicts_with = "stream")]
@@ -85,6 +85,11 @@ pub struct Args {
     /// A machine-readable summary on standard output
     #[arg(long)]
     json: bool,
+}
+
+/// The number of a joint.
+fn joint(text: &str) -> std::result::Result<usize, String> {
+    text.trim().parse().map_err(|_| "expected numbers of joints, as 2,3,4".to_owned())
 }
 
 /// Runs the command.

@@ -66,7 +66,7 @@ pub struct Args {
     pool: usize,
     /// Instead of touches, this many poses at which another instrument can check the arm: in --sphere-mm, else in the
     /// whole workspace
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", conflicts_with_all = ["per_ball", "pool", "criterion", "start_deg", "max_tilt_deg", "noise_mm"])]
     points: Option<usize>,
     /// With --points: where a tracker stands in the world frame {w}; the tool's --facing-axis points at it
     #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', allow_hyphen_values = true, requires = "points")]

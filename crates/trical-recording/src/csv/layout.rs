@@ -55,7 +55,8 @@ impl<W: Write> CsvWriter<W> {
     /// # Errors
     /// The operating system's.
     pub fn new(out: W, layout: &Layout, shared: Shared) -> std::io::Result<Self> {
-        let mut csv = csv::Writer::from_writer(out);
+        // a name that begins with the sign of remarks is quoted
+        let mut csv = csv::WriterBuilder::new().comment(Some(b'#')).from_writer(out);
         let mut cells = Vec::new();
         for column in COLUMNS.iter().filter(|c| c.field == Field::Joints || layout.needed[c.field as usize]) {
             for k in 0..column.width(shared.joints) {

@@ -47,14 +47,14 @@ impl Form {
         let header = header(text).trim_start_matches('#');
         let separator = SEPARATORS.into_iter().find(|(c, _)| header.contains(*c) && !header.contains(','));
         let by = separator.map_or(',', |(c, _)| c);
-        let mut names: Vec<String> = header.split(by).map(known_name).collect();
+        let mut names: Vec<String> = cells(header, by).map(known_name).collect();
         let trailing = names.len() > 1
             && names.last().is_some_and(String::is_empty)
             && text
                 .lines()
                 .all(|l| is_remark(l) || l.trim().is_empty() || l.trim_end_matches(['\r', ' ']).ends_with(by));
         names.truncate(names.len() - usize::from(trailing));
-        let said = lines_of_table(text).nth(1).and_then(|line| with_units(&names, line.split(by)));
+        let said = lines_of_table(text).nth(1).and_then(|line| with_units(&names, cells(line, by)));
         let (units, names) = (said.is_some(), said.unwrap_or(names));
         let index = has_index(text, by, &names, 1 + usize::from(units));
         Self { by, separated: separator.map(|(_, says)| says), index, trailing, units, names }
@@ -70,16 +70,47 @@ impl Form {
             && !self.index
             && !self.trailing
             && !self.units
-            && header(text).split(self.by).map(|n| n.trim().trim_matches('"').trim()).eq(self.names.iter())
+            && cells(header(text), self.by).map(|n| n.trim().trim_matches('"').trim()).eq(self.names.iter())
             && text.lines().all(|l| !self.is_blank(l) && !is_remark(l))
+    }
+
+    /// Whether a column of a file whose separator is no comma holds numbers.
+    fn is_number(&self, k: usize) -> bool {
+        self.by != ',' && self.names.get(k).is_none_or(|name| name != "place")
+    }
+
+    /// Refuses a file whose numbers have decimal commas and points: one of the two divides thousands.
+    fn check_decimals(&self, text: &str) -> Result<(), String> {
+        if self.by == ',' {
+            return Ok(());
+        }
+        let mut found: [Option<&str>; 2] = [None; 2];
+        for (number, line) in text.lines().enumerate().filter(|(_, line)| !is_remark(line)) {
+            for (_, cell) in cells(line, self.by).enumerate().filter(|(k, _)| self.is_number(*k)) {
+                let cell = cell.trim().trim_matches('"');
+                let point = cell.contains('.') && cell.parse::<f64>().is_ok();
+                if !point && !decimal_comma(cell) {
+                    continue;
+                }
+                found[usize::from(point)].get_or_insert(cell);
+                if let [Some(comma), Some(point)] = found {
+                    return Err(format!(
+                        "line {}: found numbers with a comma and with a point, '{comma}' and '{point}'; expected one decimal mark, and none \
+                         between thousands",
+                        number + 1
+                    ));
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Adds a line, `headed` where it is not the header, and what was done to it.
     fn copy(&self, line: &str, headed: bool, out: &mut String, done: &mut Vec<&'static str>) {
         let first = usize::from(self.index);
         let line = if headed { line } else { line.trim_start_matches('#') };
-        let cells = line.split(self.by).count() - usize::from(self.trailing);
-        for (k, cell) in line.split(self.by).enumerate().take(cells).skip(first) {
+        let count = cells(line, self.by).count() - usize::from(self.trailing);
+        for (k, cell) in cells(line, self.by).enumerate().take(count).skip(first) {
             if k > first {
                 out.push(',');
             }
@@ -92,7 +123,7 @@ impl Form {
                     }
                     out.push_str(name);
                 }
-                _ if self.by != ',' && decimal_comma(cell) => {
+                _ if self.is_number(k) && decimal_comma(cell) => {
                     note(done, "decimal commas are read as points");
                     out.push_str(&cell.replace(',', "."));
                 }
@@ -168,9 +199,22 @@ fn tabs_between(line: &str) -> String {
     line.split_whitespace().collect::<Vec<_>>().join("\t")
 }
 
+/// The cells of a line; what is quoted is not divided.
+fn cells(line: &str, by: char) -> impl Iterator<Item = &str> {
+    let mut quoted = false;
+    line.split(move |c| {
+        quoted ^= c == '"';
+        c == by && !quoted
+    })
+}
+
 /// A line that is none of the table: "# measured on Monday", "sep=;". Behind the same sign a header stands, too ("# q1_deg,q2_deg").
 fn is_remark(line: &str) -> bool {
     let Some(rest) = line.strip_prefix('#') else { return line.trim_end().len() == 5 && line.starts_with("sep=") };
+    // "#N/A" is where the first column has no value
+    if line.split([',', ';', '\t']).next().is_some_and(|cell| super::is_nothing(cell.trim())) {
+        return false;
+    }
     let named = |names: &mut dyn Iterator<Item = &str>| {
         let names: Vec<String> = names.map(known_name).collect();
         columns::is_recording(names.iter().map(String::as_str))
@@ -226,16 +270,21 @@ pub(super) struct Tidied<'a> {
 
 /// The text with commas and decimal points, column names as they are known, without an index column; line numbers stay from
 /// the header on.
-pub(super) fn tidied(text: &str) -> Tidied<'_> {
+///
+/// # Errors
+/// One sentence, where its meaning is not certain.
+pub(super) fn tidied(text: &str) -> Result<Tidied<'_>, String> {
     if let Some(tabs) = with_tabs(text) {
-        let Tidied { text, before, note } = tidied(&tabs);
-        return Tidied { text: Cow::Owned(text.into_owned()), before, note: note.map(|n| n.replace(TABS, SPACES)) };
+        let Tidied { text, before, note } = tidied(&tabs)?;
+        return Ok(Tidied { text: Cow::Owned(text.into_owned()), before, note: note.map(|n| n.replace(TABS, SPACES)) });
     }
     let form = Form::of(text);
-    // a quoted cell may hold anything: such a file is read as it is
-    if text.contains('"') && form.separated.is_none() || form.is_tidy(text) {
-        return Tidied { text: Cow::Borrowed(text), before: 0, note: None };
+    // a quoted cell that goes on in the next line: such a file is read as it is
+    let goes_on = text.contains('"') && text.lines().any(|l| !is_remark(l) && l.matches('"').count() % 2 == 1);
+    if goes_on && form.separated.is_none() || form.is_tidy(text) {
+        return Ok(Tidied { text: Cow::Borrowed(text), before: 0, note: None });
     }
+    form.check_decimals(text)?;
     let mut done: Vec<&str> = Vec::new();
     let mut out = String::with_capacity(text.len());
     let (mut headed, mut before) = (false, 0);
@@ -267,7 +316,7 @@ pub(super) fn tidied(text: &str) -> Tidied<'_> {
     done.extend(form.separated);
     done.extend(form.index.then_some("the first column is an index and is left out"));
     done.extend(form.trailing.then_some("the last column is empty and is left out"));
-    Tidied { text: Cow::Owned(out), before, note: (!done.is_empty()).then(|| done.join("; ")) }
+    Ok(Tidied { text: Cow::Owned(out), before, note: (!done.is_empty()).then(|| done.join("; ")) })
 }
 
 /// A column's name as it is known: as it stands, in lower case, or with its unit in brackets ("X [mm]", "Joint 1 (rad)").
@@ -307,7 +356,9 @@ fn has_index(text: &str, by: char, names: &[String], above: usize) -> bool {
     let rows = text.lines().filter(|l| !is_remark(l) && !l.chars().all(|c| c == by || c.is_whitespace())).skip(above);
     let mut first = None;
     for (k, line) in rows.enumerate() {
-        let Some(n) = line.split(by).next().and_then(|c| c.trim().parse::<usize>().ok()) else { return false };
+        let Some(n) = cells(line, by).next().and_then(|c| c.trim().trim_matches('"').parse::<usize>().ok()) else {
+            return false;
+        };
         if n != k + *first.get_or_insert(n) || n > k + 1 {
             return false;
         }
@@ -326,7 +377,7 @@ mod tests {
 
     #[test]
     fn a_plain_file_is_not_touched() {
-        assert!(matches!(tidied(PLAIN), Tidied { text: Cow::Borrowed(_), before: 0, note: None }));
+        assert!(matches!(tidied(PLAIN), Ok(Tidied { text: Cow::Borrowed(_), before: 0, note: None })));
     }
 
     #[test]
@@ -347,6 +398,16 @@ mod tests {
         let spaces = PLAIN.replace(',', " ");
         let aligned = PLAIN.replace(',', "   ").replace("\n1", " \n  1").replace('.', ",");
         let savetxt_spaces = format!("# {spaces}");
+        let quoted =
+            |text: &str| text.lines().map(|l| format!("\"{}\"\n", l.replace(',', "\",\""))).collect::<String>();
+        let quoted_index = quoted(PLAIN)
+            .replacen('"', "\"\",\"", 1)
+            .replace("\n\"0", "\n\"1\",\"0")
+            .replace("\n\"1\",\"2", "\n\"2\",\"1\",\"2");
+        let quoted_brackets = quoted(&brackets);
+        let quoted_remark = format!("# in the \"hall\", by 5\" flanges\n{PLAIN}");
+        let quoted_units =
+            quoted(&PLAIN.replacen("x_mm,y_mm,z_mm", "x,y,z", 1).replacen('\n', "\ns,deg,deg,mm,mm,mm\n", 1));
         for (text, says) in [
             (brackets.as_str(), "as q1_deg, x_mm"),
             (&units, "as q1_deg, x_mm"),
@@ -358,6 +419,10 @@ mod tests {
             (&excel, "remarks; decimal commas"),
             (&trailing, "the last column is empty"),
             (&mac, ""),
+            (&quoted_index, "is an index"),
+            (&quoted_brackets, "as q1_deg, x_mm"),
+            (&quoted_remark, "remarks"),
+            (&quoted_units, "says the units"),
             (german.as_str(), "semicolons; decimal commas"),
             (&tabs, "separated by tabs"),
             (&upper, "lower case"),
@@ -401,6 +466,26 @@ mod tests {
         // thousands or decimals?
         let both = PLAIN.replace(',', ";").replace("100.25", "1,100.25");
         assert!(says(&both).contains("found '1,100.25'"), "{}", says(&both));
+        for by in [";", "\t"] {
+            let comma = PLAIN.replace(',', by).replace("101", "1,101");
+            assert!(
+                says(&comma).contains("line 3: found numbers with a comma and with a point, '1,101' and"),
+                "{}",
+                says(&comma)
+            );
+            let point = PLAIN.replace(',', by).replace('.', ",").replace("101", "1.101");
+            assert!(says(&point).contains("one decimal mark, and none between thousands"), "{}", says(&point));
+        }
+        let some = PLAIN.replace(",0,4\n", ",0,4,\n");
+        assert!(
+            says(&some).contains("found 7 fields, expected 6 as in the header; there is nothing behind"),
+            "{}",
+            says(&some)
+        );
+        for time in ["1700000000.5", "2026-01-01T00:00:01"] {
+            let clock = PLAIN.replace("\n1,", &format!("\n{time},"));
+            assert!(says(&clock).contains("seconds since the recording began; subtract the first"), "{}", says(&clock));
+        }
         // a first column that does not count, and all columns that are not known
         let named =
             PLAIN.replacen("t_s", "index,colour,t_s", 1).replace("\n0,", "\n7,red,0,").replace("\n1,", "\n7,red,1,");
@@ -447,6 +532,57 @@ mod tests {
         assert!(says(&other).contains("line 2, column q1_deg: found 'rad'"), "{}", says(&other));
         let none = format!("t,q1,q2,x,y,z\n{rows}");
         assert!(says(&none).contains("no unit in the name of columns 't' (t_s?), 'q1' (q1_deg?)"), "{}", says(&none));
+    }
+
+    #[test]
+    fn a_row_is_one_measurement_of_one_thing() {
+        let says = |head: &str, row: &str| {
+            let text = format!("q1_deg,q2_deg,{head}\n1,2,{row}\n");
+            parse_csv(text.as_bytes(), "r.csv", 2).map(|r| r.rows[0].measured).map_err(|e| e.to_string())
+        };
+        for (head, row, told) in [
+            (
+                "ball,ix_mm,iy_mm,iz_mm,x_mm,y_mm,z_mm",
+                "1,0,0,0,3,4,5",
+                "column ball: found a touch and a position in one row",
+            ),
+            ("d_mm,x_mm,y_mm,z_mm", "500,3,4,5", "column d_mm: found a length and a position in one row"),
+            ("ball,ix_mm,iy_mm,iz_mm,d_mm", "1,0,0,0,500", "column ball: found a touch and a length in one row"),
+            ("d_mm,target", "500,2", "column target: found '2' beside what is no position"),
+            ("x_mm,y_mm,z_mm,anchor", "3,4,5,2", "header: column anchor is there, but d_mm is missing"),
+            (
+                "x_mm,y_mm,z_mm,qw,qx,qy,qz,target",
+                "3,4,5,1,0,0,0,2",
+                "column target: found target 2 with an orientation",
+            ),
+        ] {
+            let error = says(head, row).expect_err(told);
+            assert!(error.contains(told), "{error}");
+        }
+        let oriented =
+            |last: &str, k: &str| says(&format!("x_mm,y_mm,z_mm,qw,qx,qy,qz,{last}"), &format!("3,4,5,1,0,0,0,{k}"));
+        let position = [0.003, 0.004, 0.005];
+        let near = |m: trical_model::Measured| match m {
+            trical_model::Measured::Reference { reference: 1, position: p } => {
+                p.iter().zip(position).all(|(a, b)| (a - b).abs() < 1e-12)
+            }
+            _ => false,
+        };
+        assert!(near(oriented("reference", "2").expect("a reference")));
+        assert!(matches!(oriented("target", "1"), Ok(trical_model::Measured::Pose { .. })));
+    }
+
+    #[test]
+    fn what_begins_with_the_sign_of_remarks_is_a_row_where_it_says_that_nothing_is_known() {
+        let text = PLAIN.replace("\n1,", "\n#N/A,");
+        assert_eq!(parse_csv(text.as_bytes(), "r.csv", 2).expect("two rows").rows.len(), 2);
+        // and the name of a place comes back, whatever it begins with; marks for nothing are no places
+        let text = "place,q1_deg,q2_deg,x_mm,y_mm,z_mm\n\"#1\",1,2,3,4,5\nNaN,1,2,3,4,5\n-,1,2,3,4,5\n";
+        let read = parse_csv(text.as_bytes(), "r.csv", 2).expect("three rows");
+        assert_eq!(read.places, ["#1"]);
+        let written = crate::to_csv(&read).expect("written");
+        let again = parse_csv(&written, "r.csv", 2).expect("three rows");
+        assert_eq!((again.rows.len(), &again.places), (3, &read.places), "{}", String::from_utf8_lossy(&written));
     }
 
     #[test]

@@ -12,7 +12,7 @@ use trical_model::urdf;
 
 use super::cdr::{JointState, Stamped, StampedKind, string_from_cdr};
 use super::schema;
-use super::walk::{Channels, RawFile, RawMessage};
+use super::walk::{RawFile, RawMessage};
 use crate::error::RecordError;
 use crate::motion::MotionSense;
 
@@ -32,9 +32,15 @@ const TREE: &str = "/tf";
 const JOINT_STATE: &str = schema::JOINT_STATE_NAME;
 
 /// Whether this is somebody else's bag and not a recording of ours.
-pub(super) fn is_bag(channels: &Channels) -> bool {
-    let ours = channels.values().any(|c| c.topic == schema::MEASUREMENT && c.encoding == "json");
-    !ours && channels.values().any(|c| kind_of(c).is_some())
+pub(super) fn is_bag(raw: &RawFile) -> bool {
+    // metadata stand first: a recording of ours that was cut has them
+    let ours = raw.metadata.iter().any(|(name, _)| name == "trical")
+        || raw.channels.values().any(|c| c.topic == schema::MEASUREMENT && c.encoding == "json");
+    !ours && raw.channels.values().any(|c| kind_of(c).is_some() || is_joint_states(c))
+}
+
+fn is_joint_states(channel: &super::walk::RawChannel) -> bool {
+    channel.schema.as_ref().is_some_and(|s| s.name == JOINT_STATE)
 }
 
 fn kind_of(channel: &super::walk::RawChannel) -> Option<StampedKind> {
@@ -63,7 +69,7 @@ pub(super) fn recording(
     topic: Option<&str>,
 ) -> Result<Recording, RecordError> {
     let bad = |problem: String| RecordError::Unreadable { path: path.to_owned(), problem };
-    let states_on = one_topic(raw, None, &|c| c.schema.as_ref().is_some_and(|s| s.name == JOINT_STATE))
+    let states_on = one_topic(raw, None, &is_joint_states)
         .map_err(|found| bad(several(&found, "joint states (sensor_msgs/msg/JointState)", schema::JOINT_STATES)))?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let (seen_on, child) = topic_of_measurements(raw, topic, &name).map_err(bad)?;
@@ -84,15 +90,37 @@ pub(super) fn recording(
         let wanted = frame_of_tree(&seen, child, &format!("{name}#{seen_on}"), &seen_on).map_err(bad)?;
         seen.retain(|(_, s)| s.child == wanted);
     }
-    let (Some((_, first)), Some((_, instrument))) = (states.first(), seen.first()) else {
+    if states.is_empty() || seen.is_empty() {
         let empty = if states.is_empty() { &states_on } else { &seen_on };
         return Err(bad(format!("has no message on {empty}")));
+    }
+    let all = seen.len();
+    seen.retain(|(_, s)| s.is_whole());
+    let lost = all - seen.len();
+    let frames: BTreeSet<&str> = seen.iter().map(|(_, s)| s.frame.as_str()).collect();
+    let frame = match frames.iter().take(6).map(|f| format!("'{f}'")).collect::<Vec<_>>().as_slice() {
+        [] => String::new(),
+        [one] => one.clone(),
+        several => {
+            let several = several.join(", ");
+            return Err(bad(format!("its measurements on {seen_on} are in the frames {several}; expected one frame")));
+        }
     };
     let described = description(raw);
-    let (order, mut notes) = order_of(&first.names, described.as_ref(), joints).map_err(&bad)?;
+    let (states, others) = of_the_arm(states, described.as_ref(), joints);
+    let names = states.first().map_or(&[][..], |(_, s)| &s.names);
+    let (order, mut notes) = order_of(names, described.as_ref(), joints).map_err(&bad)?;
+    notes.extend(others);
     let clock = Clock::of(&states, &seen);
     notes.push(clock.in_words());
-    let samples = samples(path, &states_on, &states, &first.names, &order, clock)?;
+    let order_names: Vec<&String> = order.iter().filter_map(|k| names.get(*k)).collect();
+    let samples = samples(&states, &order_names, clock);
+    if samples.len() < states.len() {
+        let (n, of) = (states.len() - samples.len(), states.len());
+        notes.push(format!(
+            "{n} of {of} joint states on {states_on} have no finite position of every joint and are left out"
+        ));
+    }
     let sights: Vec<Sight> = seen
         .iter()
         .map(|(m, s)| Sight { t: clock.time(m, s.stamp()), position: s.position, quaternion: s.quaternion })
@@ -100,22 +128,22 @@ pub(super) fn recording(
     let stands = stands(&samples, &sights);
     if stands.rows.is_empty() {
         return Err(bad(format!(
-            "none of {} measurements on {seen_on} can be used: {} have no joint state within {NEAR} s, {} were taken while the arm moved; \
-             expected measurements of an arm that stands",
-            sights.len(),
-            stands.without,
-            stands.moving
+            "none of {all} measurements on {seen_on} can be used: {lost} hold no finite numbers or no unit quaternion, {} have no joint state \
+             within {NEAR} s, {} were taken while the arm moved; expected measurements of an arm that stands",
+            stands.without, stands.moving
         )));
     }
     notes.push(format!(
-        "{} rows from {} measurements on {seen_on} where the arm stood (no joint moved by {STILL} rad or m within {AROUND} s), averaged at each stop; \
-         left out: {} while it moved, {} without a joint state within {NEAR} s",
+        "{} rows from {all} measurements on {seen_on} where the arm stood (no joint moved by {STILL} rad or m within {AROUND} s), averaged at each \
+         stop, from whose mean they are {:.3} mm off at most; left out: {} while it moved, {} without a joint state within {NEAR} s, {lost} without \
+         finite numbers or a unit quaternion, {} far from the others of their stop",
         stands.rows.len(),
-        sights.len(),
+        stands.spread * 1e3,
         stands.moving,
-        stands.without
+        stands.without,
+        stands.far
     ));
-    notes.push(format!("positions in m in the frame '{}', which is taken as the measuring frame", instrument.frame));
+    notes.push(format!("positions in m in the frame {frame}, which is taken as the measuring frame"));
     let described = described.as_ref().filter(|d| d.joints.len() == order.len());
     let prismatic = described.map(|d| d.robot.prismatic());
     let name = path.display().to_string();
@@ -141,9 +169,18 @@ fn topic_of_measurements<'a>(
     let seen_on = one_topic(raw, topic.or(default), &fits).map_err(|found| {
         let example = found.first().map_or(String::new(), |t| format!("; name one of them, as in {name}#{t}"));
         let what = "measurements (PoseStamped, PointStamped, TransformStamped or TFMessage)";
-        format!("{}{example}", several(&found, what, ""))
+        format!("{}{}{example}", several(&found, what, ""), if found.is_empty() { others(raw) } else { String::new() })
     })?;
     Ok((seen_on, child))
+}
+
+/// What a bag without measurements has instead.
+fn others(raw: &RawFile) -> String {
+    let named = |c: &super::walk::RawChannel| Some((c.schema.as_ref()?.name.clone(), c.topic.clone()));
+    let own = |(name, _): &(String, String)| ![schema::STRING_NAME, JOINT_STATE].contains(&name.as_str());
+    let found: BTreeSet<(String, String)> = raw.channels.values().filter_map(named).filter(own).collect();
+    let found: Vec<String> = found.into_iter().take(6).map(|(name, topic)| format!("{name} on {topic}")).collect();
+    if found.is_empty() { String::new() } else { format!("; found {}", found.join(", ")) }
 }
 
 /// The frame of a tree of transforms that is the measurement: the one that was asked for, or the only one.
@@ -284,13 +321,9 @@ impl Clock {
     /// That of the stamps, if both have some and they run alike.
     fn of(states: &[(&RawMessage, JointState)], seen: &[(&RawMessage, Stamped)]) -> Self {
         let late = |stamp: f64, m: &RawMessage| m.log_time as f64 * 1e-9 - stamp;
-        let middle = |mut all: Vec<f64>| {
-            all.sort_by(f64::total_cmp);
-            all.get(all.len() / 2).copied().unwrap_or(0.0)
-        };
         let stamped = states.iter().all(|(_, s)| s.stamp() > 0.0) && seen.iter().all(|(_, s)| s.stamp() > 0.0);
-        let apart = middle(states.iter().map(|(m, s)| late(s.stamp(), m)).collect())
-            - middle(seen.iter().map(|(m, s)| late(s.stamp(), m)).collect());
+        let apart = middle(states.iter().map(|(m, s)| late(s.stamp(), m)))
+            - middle(seen.iter().map(|(m, s)| late(s.stamp(), m)));
         if stamped && apart.abs() < CLOCKS { Self::Stamps } else { Self::Recorder }
     }
 
@@ -308,31 +341,48 @@ impl Clock {
     }
 }
 
-fn samples(
-    path: &Path,
-    topic: &str,
-    states: &[(&RawMessage, JointState)],
-    names: &[String],
-    order: &[usize],
-    clock: Clock,
-) -> Result<Vec<Sample>, RecordError> {
-    let mut out = Vec::with_capacity(states.len());
-    for (number, (m, state)) in states.iter().enumerate() {
-        // others may publish on the topic too: a gripper has names of its own
-        if state.names != names {
-            continue;
-        }
-        let mut q = [0.0; MAX_JOINTS];
-        for (to, k) in q.iter_mut().zip(order) {
-            *to =
-                state.position.get(*k).copied().filter(|q| q.is_finite()).ok_or_else(|| {
-                    wrong(path, topic, number + 1, &format!("no finite position of joint {}", names[*k]))
-                })?;
-        }
-        out.push(Sample { t: clock.time(m, state.stamp()), q });
+/// Joint states of one set of names, in whatever order.
+type States<'a> = Vec<(&'a RawMessage, JointState)>;
+
+/// The joint states of the arm, and what is said of others on the topic, as a gripper's: those whose names fit the arm, of which the joints move,
+/// or else that are the most.
+fn of_the_arm<'a>(
+    states: States<'a>,
+    described: Option<&urdf::Imported>,
+    joints: Option<usize>,
+) -> (States<'a>, Option<String>) {
+    let mut sets: BTreeMap<Vec<String>, States<'a>> = BTreeMap::new();
+    for (m, state) in states {
+        let mut names = state.names.clone();
+        names.sort();
+        sets.entry(names).or_default().push((m, state));
     }
+    let rank = |states: &States<'_>| {
+        let Some((_, first)) = states.first() else { return (false, false, 0) };
+        let moves = states.iter().any(|(_, s)| {
+            s.names == first.names && s.position.iter().zip(&first.position).any(|(a, b)| (a - b).abs() > STILL)
+        });
+        (order_of(&first.names, described, joints).is_ok(), moves, states.len())
+    };
+    let arm = sets.iter().max_by_key(|(_, states)| rank(states)).map(|(names, _)| names.clone()).unwrap_or_default();
+    let states = sets.remove(&arm).unwrap_or_default();
+    let others: Vec<String> = sets.iter().map(|(names, s)| format!("{} of {}", s.len(), names.join(", "))).collect();
+    (states, (!others.is_empty()).then(|| format!("joint states of others are left out: {}", others.join("; "))))
+}
+
+/// Where the joints with these names stood; states without a finite position of each are left out.
+fn samples(states: &States<'_>, names: &[&String], clock: Clock) -> Vec<Sample> {
+    let sample = |(m, state): &(&RawMessage, JointState)| {
+        let mut q = [0.0; MAX_JOINTS];
+        for (to, name) in q.iter_mut().zip(names) {
+            let place = state.names.iter().position(|n| n == *name)?;
+            *to = state.position.get(place).copied().filter(|q| q.is_finite())?;
+        }
+        Some(Sample { t: clock.time(m, state.stamp()), q })
+    };
+    let mut out: Vec<Sample> = states.iter().filter_map(sample).collect();
     out.sort_by(|a, b| a.t.total_cmp(&b.t));
-    Ok(out)
+    out
 }
 
 /// One row for each stop of the arm at which something was seen, and how many measurements are in none.
@@ -341,6 +391,10 @@ struct Stands {
     rows: Vec<Row>,
     moving: usize,
     without: usize,
+    /// Far from the others of their stop.
+    far: usize,
+    /// How far what is averaged is from its mean at most, m.
+    spread: f64,
 }
 
 /// Measurements at one stop.
@@ -377,29 +431,54 @@ fn stands(samples: &[Sample], sights: &[Sight]) -> Stands {
         let moved = |s: &&Sample| s.q.iter().zip(&q).any(|(a, b)| (a - b).abs() > STILL);
         if near.iter().any(moved) {
             out.moving += 1;
-            finish(&mut stop, begin, &mut out.rows);
+            finish(&mut stop, begin, &mut out);
             continue;
         }
         let elsewhere =
             stop.sights.first().is_some_and(|(at, _)| at.iter().zip(&q).any(|(a, b)| (a - b).abs() > STILL));
         if elsewhere {
-            finish(&mut stop, begin, &mut out.rows);
+            finish(&mut stop, begin, &mut out);
         }
         stop.dir = motion.sense();
         stop.sights.push((q, *sight));
     }
-    finish(&mut stop, begin, &mut out.rows);
+    finish(&mut stop, begin, &mut out);
     out
 }
 
+/// The one in the middle.
+fn middle(all: impl Iterator<Item = f64>) -> f64 {
+    let mut all: Vec<f64> = all.collect();
+    all.sort_by(f64::total_cmp);
+    all.get(all.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Leaves out what is farther from the median of a stop than so many times what is usual there, and than so many metres: a beam that was lost.
+fn without_far(sights: &mut Vec<(Joints, Sight)>) -> usize {
+    const TIMES: f64 = 10.0;
+    const LEAST: f64 = 1e-4;
+    let median: [f64; 3] = std::array::from_fn(|k| middle(sights.iter().map(|s| s.1.position[k])));
+    let off = |s: &(Joints, Sight)| distance(&s.1.position, &median);
+    let limit = LEAST.max(TIMES * middle(sights.iter().map(off)));
+    let before = sights.len();
+    sights.retain(|s| off(s) <= limit);
+    before - sights.len()
+}
+
+fn distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+}
+
 /// Ends a stop: its measurements become one row.
-fn finish(stop: &mut Stop, begin: f64, rows: &mut Vec<Row>) {
-    let Stop { sights, dir } = std::mem::take(stop);
+fn finish(stop: &mut Stop, begin: f64, out: &mut Stands) {
+    let Stop { mut sights, dir } = std::mem::take(stop);
+    out.far += without_far(&mut sights);
     let Some((_, first)) = sights.first() else { return };
     let n = sights.len() as f64;
     let mean = |of: &dyn Fn(&(Joints, Sight)) -> f64| sights.iter().map(of).sum::<f64>() / n;
     let q: Joints = std::array::from_fn(|k| mean(&|s| s.0[k]));
     let position = std::array::from_fn(|k| mean(&|s| s.1.position[k]));
+    out.spread = sights.iter().map(|s| distance(&s.1.position, &position)).fold(out.spread, f64::max);
     let measured = match first.quaternion {
         None => Measured::Point { target: 0, position },
         Some(_) => {
@@ -416,6 +495,7 @@ fn finish(stop: &mut Stop, begin: f64, rows: &mut Vec<Row>) {
             Measured::Pose { position, quaternion: quaternion_from_rotation(&turn) }
         }
     };
+    let rows = &mut out.rows;
     let seq = rows.len() as u64;
     let state = State { q, dir: Some(dir), t: Some(mean(&|s| s.1.t) - begin), ..State::at(&[]) };
     rows.push(Row { state, measured, seq: Some(seq), line: rows.len() + 2 });

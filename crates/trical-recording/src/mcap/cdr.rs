@@ -113,13 +113,13 @@ pub struct Stamped {
     pub child: String,
     /// Position, m.
     pub position: [f64; 3],
-    /// Unit quaternion w, x, y, z, where there is one.
+    /// Unit quaternion w, x, y, z, where there is one; NaN where that of the message is none.
     pub quaternion: Option<[f64; 4]>,
 }
 
 impl Stamped {
     /// Reads the bytes of a message, which holds one, or, of [`StampedKind::Tree`], any number; `None` where they are too short, not
-    /// little-endian CDR, or hold no finite numbers or no rotation.
+    /// little-endian CDR.
     #[must_use]
     pub fn from_cdr(bytes: &[u8], kind: StampedKind) -> Option<Vec<Self>> {
         let mut from = Decoder::of(bytes)?;
@@ -131,21 +131,24 @@ impl Stamped {
         (0..count).map(|_| Self::one(&mut from, StampedKind::Transform)).collect()
     }
 
+    /// Whether it holds finite numbers and, where it has one, a unit quaternion: an instrument that lost sight sends others.
+    #[must_use]
+    pub fn is_whole(&self) -> bool {
+        self.position.iter().chain(self.quaternion.iter().flatten()).all(|x| x.is_finite())
+    }
+
     fn one(from: &mut Decoder<'_>, kind: StampedKind) -> Option<Self> {
         let (seconds, nanoseconds) = (from.u32()?.cast_signed(), from.u32()?);
         let frame = from.string()?;
         let child = if kind == StampedKind::Transform { from.string()? } else { String::new() };
-        let mut number = || from.take().map(f64::from_le_bytes).filter(|x| x.is_finite());
+        let mut number = || from.take().map(f64::from_le_bytes);
         let position = [number()?, number()?, number()?];
         let quaternion = if kind == StampedKind::Point {
             None
         } else {
             let [x, y, z, w] = [number()?, number()?, number()?, number()?];
             let length = (x * x + y * y + z * z + w * w).sqrt();
-            if (length - 1.0).abs() > 1e-2 {
-                return None;
-            }
-            Some([w, x, y, z].map(|v| v / length))
+            Some([w, x, y, z].map(|v| if (length - 1.0).abs() > 1e-2 { f64::NAN } else { v / length }))
         };
         Some(Self { seconds, nanoseconds, frame, child, position, quaternion })
     }

@@ -38,7 +38,7 @@ pub fn read_any(path: &Path, joints: Option<usize>, topic: Option<&str>) -> Resu
     let bytes = std::fs::read(path).map_err(RecordError::io(path, "open"))?;
     let raw = raw_of(path, &bytes, true)?;
     drop(bytes);
-    if !bag::is_bag(&raw.channels) {
+    if !bag::is_bag(&raw) {
         return interpret(path, &raw);
     }
     let recording = bag::recording(path, &raw, joints, topic)?;

@@ -17,6 +17,7 @@ use crate::error::RecordError;
 use crate::json;
 use crate::motion::JointSample;
 use crate::shared::{Places, Shared};
+use crate::whole::{behind_links, put};
 
 /// Where the metadata hold the plan's hash.
 const PLAN: &str = "plan_sha256";
@@ -122,6 +123,7 @@ impl RecordingWriter {
     /// # Errors
     /// The file cannot be read or written, is no recording, or was made with another robot, cell, plan or number of joints.
     pub fn resume(path: &Path, header: &Header) -> Result<(Self, Option<ReadRecording>), RecordError> {
+        let path = &behind_links(path).map_err(RecordError::io(path, "follow the links"))?;
         if !path.exists() {
             return Ok((Self::begin(path, header, None)?, None));
         }
@@ -321,6 +323,7 @@ impl RunLog for RecordingWriter {
 /// # Errors
 /// The file cannot be written.
 pub fn write_recording(path: &Path, recording: &Recording, header: &Header) -> Result<(), RecordError> {
+    let path = &behind_links(path).map_err(RecordError::io(path, "follow the links"))?;
     let mut writer = RecordingWriter::begin_beside(path, header, Shared::of(recording), None)?;
     let write = move || {
         for row in &recording.rows {
@@ -339,7 +342,7 @@ pub fn write_recording(path: &Path, recording: &Recording, header: &Header) -> R
 
 /// Gives the file beside its name.
 fn publish(path: &Path) -> Result<(), RecordError> {
-    std::fs::rename(temporary_beside(path), path).map_err(RecordError::io(path, "rename the new file to it"))?;
+    put(&temporary_beside(path), path).map_err(RecordError::io(path, "put the new file there"))?;
     // so that the rename lasts
     let folder = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let lasts = File::open(folder).and_then(|folder| folder.sync_all());

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use crate::csv::csv_reader;
+use crate::csv::{csv_reader, is_untidy};
 use crate::error::{RecordError, Result};
 
 /// Bytes of a block.
@@ -51,6 +51,11 @@ impl Source {
         let mut reader = BufReader::new(file).take(BLOCK as u64);
         reader.read_until(b'\n', &mut line).map_err(|e| this.error(format!("cannot be read: {e}")))?;
         this.offset = line.len() as u64;
+        let mut begin = line.clone();
+        reader.read_to_end(&mut begin).map_err(|e| this.error(format!("cannot be read: {e}")))?;
+        if let Some(note) = is_untidy(&begin) {
+            return Err(this.error(format!("{note}; such a file is read at once only, not in passes")));
+        }
         let text =
             std::str::from_utf8(&line).map_err(|_| this.error("is not a text file; expected a CSV recording"))?;
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);

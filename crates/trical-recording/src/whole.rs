@@ -1,0 +1,126 @@
+//! Files that are written whole or not at all.
+
+use std::fs::{File, OpenOptions};
+use std::io::{ErrorKind, Result as IoResult, Write};
+use std::path::{Path, PathBuf};
+
+/// A file that is written beside the one that it replaces; it goes away unless it is put there.
+pub struct Part {
+    part: PathBuf,
+    out: PathBuf,
+}
+
+impl Part {
+    /// A file beside `out`, where that is to be a file; in the folder of temporary files where it is a device or a pipe. What a program of this
+    /// number left there is taken away, so that nothing is written into a file that is there, nor through a link.
+    ///
+    /// # Errors
+    /// The operating system's.
+    pub fn of(out: &Path) -> IoResult<(Self, File)> {
+        let out = behind_links(out)?;
+        let mut name = out.file_name().unwrap_or_default().to_os_string();
+        name.push(format!(".part{}", std::process::id()));
+        let part = if is_special(&out) { std::env::temp_dir().join(name) } else { out.with_file_name(name) };
+        if part.symlink_metadata().is_ok() {
+            std::fs::remove_file(&part)?;
+        }
+        let file = File::create_new(&part)?;
+        Ok((Self { part, out }, file))
+    }
+
+    /// Puts the file, which is whole, where it belongs.
+    ///
+    /// # Errors
+    /// The operating system's.
+    pub fn put(self) -> IoResult<()> {
+        put(&self.part, &self.out)
+    }
+}
+
+impl Drop for Part {
+    fn drop(&mut self) {
+        // there is none when it was put
+        let _ = std::fs::remove_file(&self.part);
+    }
+}
+
+/// Whether a path leads to a device, a pipe or a socket.
+pub(crate) fn is_special(path: &Path) -> bool {
+    path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir())
+}
+
+/// The file that a path leads to through links, whether it is there or not.
+pub(crate) fn behind_links(path: &Path) -> IoResult<PathBuf> {
+    // standard output is a link, to nothing that has a path
+    if !path.is_symlink() || is_special(path) {
+        return Ok(path.to_owned());
+    }
+    match path.canonicalize() {
+        Err(e) if e.kind() == ErrorKind::NotFound => behind_links(&folder(path).join(path.read_link()?)),
+        found => found,
+    }
+}
+
+/// Puts a whole file where `out` is: with the permissions of the file that it replaces; into a device or a pipe, which stays one.
+pub(crate) fn put(part: &Path, out: &Path) -> IoResult<()> {
+    if is_special(out) {
+        std::io::copy(&mut File::open(part)?, &mut OpenOptions::new().write(true).open(out)?)?;
+        return std::fs::remove_file(part);
+    }
+    if let Ok(old) = out.metadata() {
+        std::fs::set_permissions(part, old.permissions())?;
+    }
+    std::fs::rename(part, out)
+}
+
+/// Writes a file whole or not at all.
+///
+/// # Errors
+/// The operating system's.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> IoResult<()> {
+    let (part, mut file) = Part::of(path)?;
+    file.write_all(bytes)?;
+    file.sync_all()?;
+    part.put()
+}
+
+/// The folder that a file is in.
+pub(crate) fn folder(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn links_devices_and_permissions_stay_what_they_are() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::write(at("file"), "old").unwrap();
+        std::fs::set_permissions(at("file"), PermissionsExt::from_mode(0o600)).unwrap();
+        symlink("file", at("link")).unwrap();
+        symlink("not there yet", at("dangling")).unwrap();
+        symlink("/dev/null", at("null")).unwrap();
+        for name in ["link", "dangling", "null"] {
+            write_whole(&at(name), b"new").unwrap();
+            assert!(at(name).is_symlink(), "{name}");
+        }
+        assert_eq!(std::fs::read(at("file")).unwrap(), b"new");
+        assert_eq!(at("file").metadata().unwrap().permissions().mode() & 0o777, 0o600);
+        assert_eq!(std::fs::read(at("not there yet")).unwrap(), b"new");
+        assert!(is_special(&at("null")));
+        // a pipe gets what is written
+        nix::unistd::mkfifo(&at("pipe"), nix::sys::stat::Mode::S_IRWXU).unwrap();
+        let pipe = at("pipe");
+        let reader = std::thread::spawn(move || std::fs::read(pipe).unwrap());
+        write_whole(&at("pipe"), b"new").unwrap();
+        assert_eq!(reader.join().unwrap(), b"new");
+        assert!(is_special(&at("pipe")));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 6, "nothing is left beside");
+    }
+}

@@ -93,6 +93,29 @@ fn visits_are_taken_from_a_topic_that_is_echoed_and_added_to_what_is_there() {
     place.good(&words("convert visits.csv visits.mcap --joints 6"));
 }
 
+#[test]
+fn a_csv_may_begin_after_record_and_what_is_no_sample_is_told() {
+    let place = Place::new();
+    let writer = Writer::to(&place.path("late.csv"), "", |k| match k {
+        0 => {
+            std::thread::sleep(Duration::from_millis(1500));
+            "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n".to_owned()
+        }
+        _ => "1,2,3,4,5,6\n".to_owned(),
+    });
+    let told = errors(&place.record("late.csv", "visits.csv", &["", "q"]));
+    drop(writer);
+    assert!(told.contains("row 0: front, socket 1, 1.000 2.000 3.000"), "{told}");
+    let writer = Writer::to(&place.path("late.csv"), "", |_| "hello\n".to_owned());
+    let told = errors(&place.record("late.csv", "visits.csv", &["", "q"]));
+    drop(writer);
+    assert!(told.contains("bytes came, but no whole sample; expected a CSV with a header"), "{told}");
+    // a device may be read for ever
+    let refused = place.record("late.csv", "/dev/full", &["", "q"]);
+    let told = errors(&refused);
+    assert!(refused.status.code() == Some(2) && told.contains("expected a recording in a file"), "{told}");
+}
+
 /// A gripper and a second driver of the arm on the same topic: neither is taken for joints in another place.
 #[test]
 fn messages_of_other_publishers_and_another_order_of_joints_change_no_row() {
@@ -126,7 +149,7 @@ fn an_arm_that_moves_a_file_that_rests_and_another_file_give_no_row() {
     assert!(told.contains("no row: joint 1 moved by") && told.contains("hold the arm still"), "{told}");
     drop(writer);
     let told = errors(&place.record("moving.csv", "visits.csv", &[""]));
-    assert!(told.contains("nothing whole was added within 5 s"), "{told}");
+    assert!(told.contains("nothing was added within 5 s"), "{told}");
     assert_eq!(place.text("visits.csv").lines().count(), 1);
     // a file with other columns is left alone; one whose last line was cut goes on behind it
     place.write("other.csv", "a,b\n1,2\n");

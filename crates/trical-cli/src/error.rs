@@ -1,5 +1,9 @@
 //! Errors as the command line shows them: one sentence, and an exit code.
 
+use std::io::ErrorKind;
+
+use trical_device::controller::ControllerError;
+use trical_device::gauge::GaugeError;
 use trical_diagnose::truth::TruthError;
 use trical_ident::IdentError;
 use trical_model::ModelError;
@@ -60,10 +64,48 @@ impl From<RecordError> for CliError {
             RecordError::Damaged { lost, complete } => {
                 Self::Input(format!("{lost}; trical convert saves its {complete} complete measurements"))
             }
-            RecordError::Scratch(_) => Self::Failed(e.to_string()),
+            RecordError::Scratch(_) | RecordError::Mcap { .. } => Self::Failed(e.to_string()),
+            RecordError::Io { ref source, .. } if !is_of_the_name(source.kind()) => Self::Failed(e.to_string()),
             _ => Self::Input(e.to_string()),
         }
     }
+}
+
+impl From<ControllerError> for CliError {
+    fn from(e: ControllerError) -> Self {
+        match e {
+            ControllerError::Lost { .. } | ControllerError::Silent { .. } => Self::Failed(e.to_string()),
+            _ => Self::Input(e.to_string()),
+        }
+    }
+}
+
+impl From<GaugeError> for CliError {
+    fn from(e: GaugeError) -> Self {
+        match e {
+            GaugeError::Io { .. } | GaugeError::Silent { .. } => Self::Failed(e.to_string()),
+            _ => Self::Input(e.to_string()),
+        }
+    }
+}
+
+/// Whether another name of a file would help: a full disk or a lost drive is nobody's wrong input.
+fn is_of_the_name(kind: ErrorKind) -> bool {
+    use ErrorKind::{
+        AlreadyExists, InvalidFilename, InvalidInput, IsADirectory, NotADirectory, NotFound, PermissionDenied,
+        ReadOnlyFilesystem,
+    };
+    matches!(
+        kind,
+        AlreadyExists
+            | InvalidFilename
+            | InvalidInput
+            | IsADirectory
+            | NotADirectory
+            | NotFound
+            | PermissionDenied
+            | ReadOnlyFilesystem
+    )
 }
 
 /// What is wrong with an effect that `option` was to hide, and which one may be meant.
@@ -113,3 +155,16 @@ impl From<serde_json::Error> for CliError {
 
 /// Results of commands.
 pub type Result<T> = std::result::Result<T, CliError>;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_disk_is_failed_work_and_a_name_that_is_not_there_wrong_input() {
+        for (kind, code) in [(ErrorKind::StorageFull, 1), (ErrorKind::BrokenPipe, 1), (ErrorKind::NotFound, 2)] {
+            let e = RecordError::Io { path: "run.csv".into(), action: "write", source: kind.into() };
+            assert_eq!(CliError::from(e).code(), code, "{kind}");
+        }
+    }
+}

@@ -47,6 +47,9 @@ pub fn perform(session: &Session<'_>, then: &str, watch: &mut dyn FnMut(Progress
     session.perform(watch).map_err(|e| match e {
         SessionError::Run(e) if !e.is_cancelled() => CliError::Failed(format!("{e}; what was measured is safe{then}")),
         SessionError::Run(_) | SessionError::Finish(_) => CliError::Failed(e.to_string()),
+        SessionError::Recording(e) => e.into(),
+        SessionError::Controller(e) => e.into(),
+        SessionError::Gauge(e) => e.into(),
         _ => CliError::Input(e.to_string()),
     })
 }

@@ -32,12 +32,23 @@ pub enum FeedError {
         source: std::io::Error,
     },
     /// Nothing new came.
-    #[error("{}: nothing whole was added within {seconds} s; does whoever writes it still run?", path.display())]
+    #[error("{}: nothing was added within {seconds} s; does whoever writes it still run?", path.display())]
     Silent {
         /// The file.
         path: PathBuf,
         /// How long was waited.
         seconds: f64,
+    },
+    /// What came is no sample.
+    #[error(
+        "{}: {bytes} bytes came, but no whole sample; expected a CSV with a header (q1_deg, ...), or the output of `ros2 topic echo`",
+        path.display()
+    )]
+    NoSample {
+        /// The file.
+        path: PathBuf,
+        /// How much came.
+        bytes: usize,
     },
     /// The arm moves.
     #[error("joint {joint} moved by {moved_deg:.2} deg within {seconds} s; hold the arm still")]
@@ -77,13 +88,21 @@ impl JointFeed {
     /// # Errors
     /// It cannot be read; it is a CSV without a column for every joint.
     pub fn open(path: &Path, robot: &Robot) -> Result<Self, FeedError> {
+        let kinds: Vec<JointKind> = robot.joints.iter().map(|j| j.kind).collect();
+        let mut feed = Self { path: path.to_owned(), kinds, columns: None, order: None, notes: Vec::new() };
+        feed.look_for_columns()?;
+        Ok(feed)
+    }
+
+    /// Reads the header, where the file has one by now: whoever writes it may have begun after it was opened.
+    fn look_for_columns(&mut self) -> Result<(), FeedError> {
+        let path = &self.path;
         let io = |source| FeedError::Io { path: path.to_owned(), source };
         let mut head = Vec::new();
         File::open(path).and_then(|f| f.take(4096).read_to_end(&mut head)).map_err(io)?;
         let head = String::from_utf8_lossy(&head);
-        let first = head.lines().next().unwrap_or("").trim().to_lowercase();
-        let kinds: Vec<JointKind> = robot.joints.iter().map(|j| j.kind).collect();
-        let mut columns = None;
+        let Some((first, _)) = head.split_once('\n') else { return Ok(()) };
+        let first = first.trim().to_lowercase();
         if first.contains("q1_") {
             let names: Vec<&str> = first.split(',').map(str::trim).collect();
             let column = |k: usize| {
@@ -93,13 +112,13 @@ impl JointFeed {
                     Some((at, *factor))
                 })
             };
-            let all: Option<Vec<(usize, f64)>> = (0..kinds.len()).map(column).collect();
-            columns = Some(all.ok_or_else(|| FeedError::Wrong {
+            let all: Option<Vec<(usize, f64)>> = (0..self.kinds.len()).map(column).collect();
+            self.columns = Some(all.ok_or_else(|| FeedError::Wrong {
                 path: path.to_owned(),
-                problem: format!("header: found {first:?}, expected q1_deg to q{}_deg (or _rad)", kinds.len()),
+                problem: format!("header: found {first:?}, expected q1_deg to q{}_deg (or _rad)", self.kinds.len()),
             })?);
         }
-        Ok(Self { path: path.to_owned(), kinds, columns, order: None, notes: Vec::new() })
+        Ok(())
     }
 
     /// Where the arm stands: the mean of what comes in for 0.4 s, SI.
@@ -119,6 +138,9 @@ impl JointFeed {
                 f.take(MOST).read_to_end(&mut bytes)
             });
             read.map_err(|source| FeedError::Io { path: self.path.clone(), source })?;
+            if self.columns.is_none() && self.order.is_none() {
+                self.look_for_columns()?;
+            }
             let samples = self.samples(&String::from_utf8_lossy(&bytes))?;
             if !samples.is_empty() {
                 let since = *first.get_or_insert_with(Instant::now);
@@ -126,7 +148,11 @@ impl JointFeed {
                     return self.mean(&samples);
                 }
             } else if started.elapsed() > WAIT {
-                return Err(FeedError::Silent { path: self.path.clone(), seconds: WAIT.as_secs_f64() });
+                let path = self.path.clone();
+                return Err(match bytes.len() {
+                    0 => FeedError::Silent { path, seconds: WAIT.as_secs_f64() },
+                    bytes => FeedError::NoSample { path, bytes },
+                });
             }
         }
     }

@@ -107,6 +107,8 @@ fn errors_of_instruments_are_not_values() {
         ("hello\r", "expected a line with a value"),
         ("", "no answer to \"?\" in 2 attempts"),
         ("918\r", "busy"),
+        ("12345678;0;0\r", "expected a reading within 100 mm; check unit, scale and pattern"),
+        ("\u{0}\u{7f}\"\r", r#"answered "\x00\x7f\"", expected"#),
     ] {
         let mock = Mock::new(b'\r', move |_| reply.as_bytes().to_vec());
         // on a machine under load an answer may take its time; only silence has to be waited for

@@ -82,7 +82,13 @@ pub fn reading_noise(recorded: &Covariates<'_>) -> Vec<Candidate> {
         };
         let parts = Axis::ALL.iter().map(part).collect();
         let site = Place::Tool;
-        out.push(of(Cause::ReadingNoise, site, "what a nulled gauge still reads is mostly noise", -1, parts));
+        out.push(of(
+            Cause::ReadingNoise,
+            site,
+            "the small readings left on the gauge are mostly noise of the gauge",
+            -1,
+            parts,
+        ));
     }
     if recorded.commanded && !recorded.lags {
         let basis = Basis::new(Variable::Lag { joint: 1 }, Shape::Linear);

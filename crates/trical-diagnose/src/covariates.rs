@@ -235,7 +235,7 @@ fn clocks(data: &Dataset, order: Option<Variable>) -> Vec<Clock> {
     }
     let Some(order) = order else { return Vec::new() };
     let warm_up = |constant| Clock {
-        how: "as the arm warms up",
+        how: "as if the arm warmed up",
         basis: Basis::new(order, Shape::WarmUp { constant }),
         rise: 1.0,
     };

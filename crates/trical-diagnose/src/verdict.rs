@@ -114,9 +114,11 @@ fn at(places: &[Place], claim: &str) -> String {
 }
 
 /// The claim without its probability, and what is less sure: "lost motion at joint 3", "perhaps backlash (40 %)".
-fn claim(f: &Finding, places: &[Place]) -> (String, Option<String>) {
+fn claim(f: &Finding, places: &[Place], sessions: &[u32]) -> (String, Option<String>) {
     let title = f.effect.effect().title;
-    let when = f.session.map_or_else(String::new, |s| format!(" in session {s}"));
+    let comma = if sessions.len() > 1 { "," } else { "" };
+    let when = numbered("session", sessions.iter().map(|s| *s as usize).collect());
+    let when = when.map_or_else(String::new, |s| format!("{comma} in {s}"));
     let name = || (f.confidence >= LEAST_TOLD).then(|| format!("perhaps {title} ({})", percent(f.confidence)));
     match level(f).0 {
         Level::Effect => (format!("{title}{}{when}", at(places, title)), None),
@@ -156,7 +158,7 @@ pub fn heading(f: &Finding) -> String {
 /// A finding in a plain sentence, at the finest level that is more likely right than not.
 #[must_use]
 pub fn summary(f: &Finding) -> String {
-    let (text, perhaps) = claim(f, &[f.site]);
+    let (text, perhaps) = claim(f, &[f.site], f.session.as_slice());
     let perhaps = perhaps.map_or_else(String::new, |p| format!(", {p}"));
     let [before, after] = [f.evidence.holdout_rms_before_mm, f.evidence.holdout_rms_after_mm];
     let gain = if after > before {
@@ -226,6 +228,8 @@ struct Step {
     /// Of findings, the first one; of curves without a name, none.
     first: Option<usize>,
     places: Vec<Place>,
+    /// In which sessions, of findings that are not of all.
+    sessions: Vec<u32>,
     findings: Vec<usize>,
     /// The curves without a name, as indices, the one that takes most first.
     curves: Vec<usize>,
@@ -238,7 +242,7 @@ fn gain(before: f64, after: f64) -> f64 {
     before * before - after * after
 }
 
-/// Findings that say the same of several joints are one step, and so are all curves without a name: those that go with what the arm
+/// Findings that say the same of several joints are one step, or of one place in several sessions, and so are all curves without a name: those that go with what the arm
 /// does, and those that go with time.
 fn steps(findings: &[Finding], unexplained: &[Unexplained]) -> Vec<Step> {
     let mut steps: Vec<Step> = Vec::new();
@@ -248,18 +252,28 @@ fn steps(findings: &[Finding], unexplained: &[Unexplained]) -> Vec<Step> {
         let alike = |s: &&mut Step| {
             s.first.is_some_and(|first| {
                 let o = &findings[first];
+                let again = f.session.is_some() && !s.sessions.is_empty() && s.places.iter().all(|p| *p == f.site);
                 matches!(said_at, Level::Effect | Level::Perhaps)
-                    && (o.effect, o.session, level(o).0) == (f.effect, f.session, said_at)
+                    && (o.effect, level(o).0) == (f.effect, said_at)
+                    && (s.sessions == f.session.as_slice() || again)
             })
         };
         if let Some(s) = steps.iter_mut().find(alike) {
             s.places.push(f.site);
+            s.sessions.extend(f.session.filter(|_| s.sessions != f.session.as_slice()));
             s.findings.push(k + 1);
             s.confidence = s.confidence.map(|[low, high]| [low.min(p), high.max(p)]);
             s.gain += gain;
         } else {
-            let (places, findings) = (vec![f.site], vec![k + 1]);
-            steps.push(Step { first: Some(k), places, findings, curves: Vec::new(), confidence: Some([p, p]), gain });
+            steps.push(Step {
+                first: Some(k),
+                places: vec![f.site],
+                sessions: f.session.into_iter().collect(),
+                findings: vec![k + 1],
+                curves: Vec::new(),
+                confidence: Some([p, p]),
+                gain,
+            });
         }
     }
     let of = |u: &Unexplained| gain(u.holdout_rms_before_mm, u.holdout_rms_after_mm);
@@ -271,6 +285,7 @@ fn steps(findings: &[Finding], unexplained: &[Unexplained]) -> Vec<Step> {
             steps.push(Step {
                 first: None,
                 places: curves.iter().map(|(_, u)| u.site).collect(),
+                sessions: Vec::new(),
                 findings: Vec::new(),
                 curves: curves.iter().map(|(k, _)| *k).collect(),
                 confidence: None,
@@ -321,7 +336,7 @@ fn curves_row(step: &Step, unexplained: &[Unexplained], given: Given<'_>, errors
 
 fn row_of(f: &Finding, step: &Step, [before_mm, after_mm]: [f64; 2]) -> VerdictRow {
     let said_at = level(f).0;
-    let (text, less_sure) = claim(f, &step.places);
+    let (text, less_sure) = claim(f, &step.places, &step.sessions);
     let told = if f.confidence < RIVAL_TOLD_BELOW { &f.rivals[..] } else { &[] };
     let elsewhere: Vec<String> = told
         .iter()

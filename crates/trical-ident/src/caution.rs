@@ -271,9 +271,13 @@ pub fn too_many(parameters: f64, fitted: usize, folds: &crate::folds::Folds) -> 
     let blocks = folds.blocks();
     (3.0 * parameters > blocks as f64).then(|| {
         let determined = format!("{parameters:.0}");
-        let of = if determined == fitted.to_string() { String::new() } else { format!(" of {fitted}") };
+        let effective = if determined == fitted.to_string() {
+            String::new()
+        } else {
+            format!(" (worth {determined} free ones: priors hold the rest)")
+        };
         format!(
-            "{determined}{of} parameters were determined from {blocks} independent places of the arm ({} poses), fewer than three places \
+            "{fitted} parameters{effective} were determined from {blocks} independent places of the arm ({} poses), fewer than three places \
              for each: where nothing was measured the model may be wrong; measure more poses",
             folds.poses().len()
         )

@@ -101,9 +101,14 @@ pub fn shown(model: &Model, term: &Term) -> Shown {
     let cell = &model.cell;
     let mut value = term.value * u.per_si;
     let nominal: Option<f64> = match term.site {
-        _ if !constant => Some(0.0),
         // where balls stood at a place that nobody measured has no nominal
         Site::Fixture(_) if term.effect == "place" => None,
+        // how far a place's second socket is from its first
+        Site::Ball { ball, axis } if term.effect == "place" => {
+            let at = |ball: Option<&nalgebra::Vector3<f64>>| ball.map(|b| b[axis.index()]);
+            at(cell.balls.get(ball - 1)).zip(at(cell.balls.first())).map(|(this, first)| this - first)
+        }
+        _ if !constant => Some(0.0),
         Site::Link { link: k, parameter } => match parameter {
             Parameter::Alpha => link(k).map(|j| j.alpha),
             Parameter::A => link(k).map(|j| j.a),

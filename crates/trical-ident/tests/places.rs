@@ -39,6 +39,14 @@ fn two_sockets_at_unknown_places_calibrate_the_arm_to_their_noise() {
     let by_place = c.held_out.by_place.unwrap();
     assert!(by_place.mean_mm < 2.5 * LEAST_MM, "{by_place:?}");
     assert_eq!(c.held_out.forward, None, "a fit to the poses before knows one socket of the last place only");
+    // nobody said where the sockets stand, only how far they are from each other
+    let shown = |name: &str| {
+        let term = c.fitted.model.terms.iter().find(|t| t.name == name).unwrap();
+        trical_ident::shown(&c.fitted.model, term)
+    };
+    let (x, distance) = (shown("place1_x"), shown("place1_distance"));
+    assert_eq!((x.nominal, distance.nominal), (None, Some(50.0)));
+    assert!((distance.value - 50.0).abs() < 0.5 && distance.value != 50.0, "{distance:?}");
     assert_eq!(c.distances.len(), 4);
     for d in &c.distances {
         assert!((d.measured_mm - 50.0).abs() < 0.5 && d.balls == [1, 2] && d.cell_mm == 50.0, "{d:?}");

@@ -34,7 +34,7 @@ pub enum RecordError {
         complete: usize,
     },
     /// There is no complete measurement in an MCAP recording; the sentence names the file.
-    #[error("{0}; there is no complete measurement in it")]
+    #[error("{0}")]
     Empty(String),
     /// The folder for temporary files cannot be used.
     #[error("the folder for temporary files: {0}")]

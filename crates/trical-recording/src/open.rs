@@ -141,7 +141,10 @@ pub fn open_damaged(path: &Path, joints: Option<usize>) -> Result<(Recording, Op
     let read = read_any(path, joints, topic.as_deref())?;
     let error = |problem: String| RecordError::File { file: path.display().to_string(), problem };
     if read.recording.rows.is_empty() {
-        let why = read.lost.unwrap_or_else(|| format!("{}: has no measurements", path.display()));
+        let why = match read.lost {
+            Some(lost) => format!("{lost}; there is no complete measurement in it"),
+            None => format!("{}: has no measurements", path.display()),
+        };
         return Err(RecordError::Empty(why));
     }
     let found = read.recording.joints;

@@ -27,6 +27,8 @@ impl Visits {
     pub fn open(path: &Path, robot: &Robot) -> Result<(Self, Option<String>)> {
         let io = |action| move |source| RecordError::Io { path: path.to_owned(), action, source };
         let kinds: Vec<JointKind> = robot.joints.iter().map(|j| j.kind).collect();
+        // a device may be read for ever
+        crate::bounds::check_file(path, false)?;
         let mut file = OpenOptions::new()
             .read(true)
             .append(true)

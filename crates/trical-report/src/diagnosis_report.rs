@@ -2,7 +2,7 @@
 //! seen.
 
 use nalgebra::{Vector3, Vector6};
-use trical_diagnose::{Diagnosis, Finding, Rival, RowKind, Unexplained, verdict};
+use trical_diagnose::{Diagnosis, Finding, Rival, RowKind, Unexplained, VerdictRow, verdict};
 use trical_ident::caution::listed;
 use trical_ident::{ErrorSummary, JointSource, Noise};
 use trical_model::{Basis, Forward, JointKind, Measured, Model, Place, Robot, Shape, Site, State, Variable};
@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::evidence::{Errors, half_width, joints_used, parameters, rejected, residuals, row, six};
 use crate::finding_figures;
 use crate::page::{self, Figure, Made, Section, error_table};
-use crate::plots::{self, AFTER, BEFORE, Series};
+use crate::plots::{self, AFTER, BEFORE, LAST_MOVE, Series};
 use crate::table;
 use crate::verdict_told;
 
@@ -28,9 +28,6 @@ const OPEN: usize = 4;
 /// How much larger an effect has to be in orientation than in position, each in units of the usual noise, to be drawn there.
 const TURNS: f64 = 5.0;
 
-/// How the label of a sense of motion begins.
-const LAST_MOVE: &str = "last move";
-
 /// Rivals of a finding that are told: the others are worse.
 const RIVALS: usize = 3;
 
@@ -39,10 +36,17 @@ fn rivals(f: &Finding) -> String {
     first_of(f.rivals.iter().map(named), &verdict::named(f.effect, f.site).to_lowercase())
 }
 
-/// What else a finding could be; touches that decide are planned only where the balls tell where the base is.
-fn could_also_be(rivals: &str, balls_fix_base: bool) -> Option<String> {
+/// What else a finding could be; touches that decide are planned only where the balls tell where the base is, and asked for only where the
+/// finding is not sure: then the verdict tells no rival either.
+fn could_also_be(rivals: &str, sure: bool, balls_fix_base: bool) -> Option<String> {
     let next = if balls_fix_base { " `trical diagnose --next 8` plans touches that decide." } else { "" };
-    (!rivals.is_empty()).then(|| format!("In this data it could also be: {rivals}.{next}"))
+    (!rivals.is_empty()).then(|| {
+        if sure {
+            format!("Much less likely: {rivals}.")
+        } else {
+            format!("In this data it could also be: {rivals}.{next}")
+        }
+    })
 }
 
 /// The first of some names, each once; other forms of the effect itself have its `own` name, and tell nothing.
@@ -59,15 +63,30 @@ fn first_of(names: impl Iterator<Item = String>, own: &str) -> String {
     listed(&others, "or")
 }
 
-/// What the whole model does to the error (mm rms) at poses that the fit did not see.
-fn whole(before: f64, after: f64, decimals: usize) -> String {
+/// What the whole model does to the error (mm rms) at poses that the fit did not see; `modelled` says what it has.
+fn whole(modelled: &str, [before, after]: [f64; 2], decimals: usize) -> String {
     let [before, after] = [before, after].map(|mm| format!("{mm:.decimals$}"));
     if before == after {
         return format!("{after} mm rms is left at poses that the fit did not see: nothing was found that lowers it.");
     }
     format!(
-        "The error at poses that the fit did not see falls from {before} to {after} mm rms once everything below is modelled."
+        "With {modelled} modelled, the error at poses that the fit did not see falls from {before} to {after} mm rms."
     )
+}
+
+/// "these, 12 smaller findings and curves of no known cause": the claims that are told, and what the model has besides.
+fn modelled(told: &[&VerdictRow], findings: usize, curves: bool) -> String {
+    let more = findings.saturating_sub(told.iter().map(|r| r.findings.len()).sum());
+    let mut said = vec![if told.len() == 1 { "this" } else { "these" }.to_owned()];
+    said.extend(match more {
+        0 => None,
+        1 => Some("1 smaller finding".to_owned()),
+        n => Some(format!("{n} smaller findings")),
+    });
+    if curves && !told.iter().any(|r| r.kind == RowKind::Curves) {
+        said.push("curves of no known cause".into());
+    }
+    listed(&said, "and")
 }
 
 /// What a search or a curve without a name does to the error (mm rms) at unseen poses.
@@ -271,7 +290,7 @@ pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<S
         format!("What to do: {}", f.action),
     ];
     let rivals = rivals(f);
-    text.extend(could_also_be(&rivals, d.model.cell.balls_fix_base(|_| true)));
+    text.extend(could_also_be(&rivals, f.is_sure(), d.model.cell.balls_fix_base(|_| true)));
     let mut figures = finding_figures::figures(f, d)?;
     let spread =
         if label.starts_with(LAST_MOVE) { " Points are spread sideways, so that they can be seen." } else { "" };
@@ -290,9 +309,9 @@ pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<S
 
 /// The verdict as a table: error before and after each claim, the claim, how sure it is, what to do.
 fn verdict_table(d: &Diagnosis) -> Vec<Vec<String>> {
-    let decimals = verdict_told::decimals(d, &d.verdict.rows);
+    let (told, decimals) = verdict_told::told(d, d.verdict.rows.clone());
     let mut rows = vec![row(["claim", "probability", "error before, mm", "after, mm", "what to do"])];
-    rows.extend(d.verdict.rows.iter().filter(|r| verdict_told::shows(r, decimals)).map(|r| {
+    rows.extend(told.iter().map(|r| {
         let of_model = matches!(r.kind, RowKind::Plain | RowKind::Whole);
         let number = |x: f64, shown: bool| if shown { format!("{x:.decimals$}") } else { String::new() };
         vec![
@@ -319,12 +338,7 @@ pub fn verdict_section(d: &Diagnosis) -> Section {
         .with_tables([verdict_table(d)]);
     section.after.extend(verdict_told::elsewhere(d).map(|e| format!("Whole model {e}.")));
     section.after.extend(verdict_told::cautions(d).iter().map(|c| format!("Caution: {c}")));
-    section.after.extend(
-        d.baseline
-            .reading_noise
-            .iter()
-            .map(|r| format!("Note: {r}; the fit takes a share of them as noise. This is no property of the arm.")),
-    );
+    section.after.extend(verdict_told::notes(d).iter().map(|n| format!("Note: {n}")));
     section
 }
 
@@ -354,6 +368,9 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
             format!("{:.4}", f.evidence.holdout_rms_after_mm),
             rivals(f),
         ]);
+    }
+    if d.findings.iter().all(|f| f.rivals.is_empty()) {
+        rows.iter_mut().for_each(|r| r.truncate(r.len() - 1));
     }
     section.tables.push(rows);
     section.text.push(
@@ -457,24 +474,34 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
         .collect()
 }
 
-/// The first two claims and how far the error falls, or that nothing was found.
+/// Whether there is nothing to tell but the plain model.
+fn nothing(d: &Diagnosis) -> bool {
+    d.findings.is_empty() && d.unexplained.is_none()
+}
+
+/// The first two claims, what to do first, and how far the error falls; or that nothing was found.
 fn summary(d: &Diagnosis) -> String {
-    if d.findings.is_empty() && d.unexplained.is_none() {
+    let decimals = verdict_told::decimals(d, &d.verdict.rows);
+    let errors = [d.baseline.holdout_rms_mm, d.after.holdout_rms_mm];
+    if nothing(d) {
         return format!(
-            "Nothing found: {} parameters leave {:.4} mm rms at poses that the fit did not see, and no known effect explains that.",
-            d.baseline.parameters, d.baseline.holdout_rms_mm
+            "Nothing found. The plain model ({} parameters) predicts new poses to {:.decimals$} mm rms; no known effect shows in what \
+             is left.",
+            d.baseline.parameters, errors[0]
         );
     }
-    let claims = d
-        .verdict
-        .rows
-        .iter()
-        .filter(|r| matches!(r.kind, RowKind::Finding | RowKind::Curves))
-        .take(2)
-        .map(|r| format!("{}.", verdict_told::sentence(r)));
-    let decimals = verdict_told::decimals(d, &d.verdict.rows);
-    let falls = whole(d.baseline.holdout_rms_mm, d.after.holdout_rms_mm, decimals);
-    claims.chain(std::iter::once(falls)).collect::<Vec<_>>().join(" ")
+    let claims = d.verdict.rows.iter().filter(|r| matches!(r.kind, RowKind::Finding | RowKind::Curves));
+    let told: Vec<&VerdictRow> = claims.take(2).collect();
+    let first = told.iter().position(|r| verdict_told::to_do(r).is_some());
+    let mut said = Vec::new();
+    for (k, row) in told.iter().enumerate() {
+        said.push(format!("{}.", verdict_told::sentence(row)));
+        said.extend(verdict_told::to_do(row).filter(|_| first == Some(k)));
+    }
+    said.extend(verdict_told::none_sure(d).map(|c| format!("{}.", verdict::capital(c))));
+    let curves = d.unexplained.iter().chain(&d.more_unexplained).any(|u| u.modelled);
+    said.push(whole(&modelled(&told, d.findings.len(), curves), errors, decimals));
+    said.join(" ")
 }
 
 /// Effects that would not be visible in this data.
@@ -508,13 +535,19 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
     let (before, after) = (lengths(&d.before)?, lengths(&d.model)?);
     let was = format!("{} parameters", d.baseline.parameters);
     let errors = Errors { model: &d.model, data: &d.data, was: &was, before: &before, after: &after };
-    let table = error_table(&[
-        (&format!("before: {was}"), &ErrorSummary::of(&before)),
-        ("after: everything found is modelled", &ErrorSummary::of(&after)),
-    ]);
+    let (heading, table) = if nothing(d) {
+        ("Position error", error_table(&[(&was, &ErrorSummary::of(&before))]))
+    } else {
+        let first = format!("before: {was}");
+        let rows = [
+            (first.as_str(), &ErrorSummary::of(&before)),
+            ("after: everything found is modelled", &ErrorSummary::of(&after)),
+        ];
+        ("Position error before and after", error_table(&rows))
+    };
     let mut sections = vec![
         verdict_section(d),
-        Section::new("Position error before and after")
+        Section::new(heading)
             .with_text(["At the poses of the fit; the error at poses that it did not see is in the verdict."])
             .with_tables([table]),
     ];

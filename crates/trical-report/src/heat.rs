@@ -185,8 +185,8 @@ fn scale_of_colors((x0, y0): (f64, f64), most: f64) -> String {
     }
     let _ = write!(
         svg,
-        "<text x=\"{x0:.1}\" y=\"{0:.1}\">0</text><text x=\"{1:.1}\" y=\"{0:.1}\" text-anchor=\"end\">{most:.2} mm on \
-         average</text>",
+        "<text x=\"{x0:.1}\" y=\"{0:.1}\">0</text><text x=\"{1:.1}\" y=\"{0:.1}\" text-anchor=\"end\">{most:.2} mm \
+         (largest mean of a square)</text>",
         y0 + 27.0,
         x0 + PANEL
     );

@@ -6,6 +6,9 @@ use plotters::chart::MeshStyle;
 use plotters::coord::Shift;
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_pcg::Pcg64Mcg;
 
 use crate::error::{Error, Result};
 
@@ -13,6 +16,9 @@ use crate::error::{Error, Result};
 pub const BEFORE: RGBColor = RGBColor(200, 92, 70);
 /// The colour of what is measured after calibration: blue.
 pub const AFTER: RGBColor = RGBColor(38, 102, 165);
+
+/// The colour of axes and what is written on them, as in the plots that a script draws.
+const PALE: RGBColor = RGBColor(71, 86, 106);
 
 /// Points of one colour.
 pub struct Series {
@@ -85,6 +91,14 @@ fn framed<'a, 's>(area: &'a Area<'s>) -> ChartBuilder<'a, 'a, SVGBackend<'s>> {
     chart
 }
 
+/// How the label of an axis begins that has a sense of motion: only -1 and 1 are labelled, between them is nothing.
+pub const LAST_MOVE: &str = "last move";
+
+/// -1 and 1, as [`tick`] has them.
+fn sense(v: &f64) -> String {
+    if (v.abs() - 1.0).abs() < 1e-6 { tick(v) } else { String::new() }
+}
+
 /// So many ticks has x at most.
 const MOST_TICKS: usize = 8;
 
@@ -123,8 +137,9 @@ fn axes<'a, 'c, 's>(
         .y_labels(6)
         .x_label_formatter(&tick)
         .y_label_formatter(&tick)
-        .label_style(("sans-serif", 13))
-        .axis_desc_style(("sans-serif", 14));
+        .axis_style(PALE)
+        .label_style(("sans-serif", 12).with_color(PALE))
+        .axis_desc_style(("sans-serif", 12, FontStyle::Bold).with_color(PALE));
     also(&mut mesh);
     Ok(mesh.draw()?)
 }
@@ -135,8 +150,9 @@ pub const LIVE: &str = "<div class=\"plot\">";
 /// A plot has so many points at most: a drawing of bounded size, whatever the recording.
 const MOST_POINTS: usize = 400;
 
-/// Which of more points are drawn: of those that fall into one cell of a grid, the first. Single points far from others stay. The grid is
-/// made coarser until few enough are left.
+/// Which of more points are drawn: of those that fall into one cell of a grid, one by chance, since the first ones of many cells may form lines
+/// that are not in the data; and of each series the largest. Single points far from others stay. The grid is made coarser until few enough
+/// are left.
 fn drawn(series: &[Series]) -> Vec<Vec<usize>> {
     if series.iter().all(|s| s.points.len() <= MOST_POINTS) {
         return series.iter().map(|s| (0..s.points.len()).collect()).collect();
@@ -151,8 +167,16 @@ fn drawn(series: &[Series]) -> Vec<Vec<usize>> {
         };
         let mut kept: Vec<Vec<usize>> = Vec::new();
         for s in series {
+            let size = |k: &usize| s.points[*k].1.abs();
+            let mut order: Vec<usize> = (0..s.points.len()).collect();
+            order.shuffle(&mut Pcg64Mcg::seed_from_u64(0));
+            let largest =
+                order.iter().copied().filter(|k| size(k).is_finite()).max_by(|a, b| size(a).total_cmp(&size(b)));
             let mut seen = std::collections::HashSet::new();
-            kept.push((0..s.points.len()).filter(|k| seen.insert(cell(&s.points[*k]))).collect());
+            let mut own: Vec<usize> =
+                largest.into_iter().chain(order).filter(|k| seen.insert(cell(&s.points[*k]))).collect();
+            own.sort_unstable();
+            kept.push(own);
         }
         if shared {
             // before and after of a measurement are drawn together
@@ -218,6 +242,7 @@ pub fn scatter_named(
     let legend: Vec<_> = series.iter().map(|s| serde_json::json!({ "name": s.name, "color": hex(s.color) })).collect();
     let data = serde_json::json!({
         "x": x_label, "y": y_label, "zero": from_zero, "joined": curves, "points": !curves || few(series), "whole": whole(series),
+        "ticks": if x_label.starts_with(LAST_MOVE) { &[-1, 1][..] } else { &[] },
         "series": legend, "data": values.0, "rows": values.1,
     });
     // nothing in it may end the script
@@ -285,6 +310,9 @@ fn still(x_label: &str, y_label: &str, from_zero: bool, curves: bool, series: &[
         let mut chart = framed(root).margin_top(26).build_cartesian_2d(x, y)?;
         axes(&mut chart, x_label, y_label, |mesh| {
             mesh.x_labels(ticks(series));
+            if x_label.starts_with(LAST_MOVE) {
+                mesh.x_label_formatter(&sense);
+            }
         })?;
         for s in series {
             if curves {

@@ -69,7 +69,9 @@ pub fn render(v: &Validation, file: &ModelFile, mut made: Made) -> Result<String
     if v.sessions.iter().any(|s| s.learnt.is_some()) {
         let others = v.sessions.iter().filter(|s| s.learnt.is_none());
         let each: Vec<String> = others.map(|s| format!("{:.3} mm in {}", s.after.mean_mm, s.recording)).collect();
-        if !each.is_empty() {
+        if each.is_empty() {
+            verdict += " These poses were used for the fit.";
+        } else {
             verdict += &format!(" Where the model was not fitted it is {} on average.", each.join(", "));
         }
     }

@@ -4,7 +4,7 @@ use trical_diagnose::{Diagnosis, Finding, RowKind, VerdictRow};
 use trical_ident::identify::ErrorSummary;
 use trical_ident::{JointSource, caution};
 
-use trical_model::Measured;
+use trical_model::{Measured, Model, Site, Term};
 
 use crate::error::Result;
 use crate::evidence::six;
@@ -32,12 +32,16 @@ pub fn advice(row: &VerdictRow) -> String {
     if row.corrected && matches!(row.kind, RowKind::Finding | RowKind::Curves) {
         said.push("Modelled.".to_owned());
     }
-    if let Some(action) = row.action.filter(|a| !a.starts_with(BY_THE_MODEL)) {
-        let mut chars = action.chars();
-        let first = chars.next().map(|c| c.to_ascii_lowercase()).into_iter();
-        said.push(format!("Do: {}", first.chain(chars).collect::<String>()));
-    }
+    said.extend(to_do(row));
     said.join(" ")
+}
+
+/// "Do: have the indicator calibrated."
+#[must_use]
+pub fn to_do(row: &VerdictRow) -> Option<String> {
+    let mut chars = row.action.filter(|a| !a.starts_with(BY_THE_MODEL))?.chars();
+    let first = chars.next().map(|c| c.to_ascii_lowercase()).into_iter();
+    Some(format!("Do: {}", first.chain(chars).collect::<String>()))
 }
 
 /// "0.509 -> 0.171", or one number where nothing changes.
@@ -56,16 +60,37 @@ fn claims_something(row: &VerdictRow) -> bool {
     matches!(row.kind, RowKind::Finding | RowKind::Curves | RowKind::Rest)
 }
 
-/// Whether a row sums up findings of which one is sure: it is told, whatever it takes off the error.
-fn names_sure(d: &Diagnosis, row: &VerdictRow) -> bool {
-    row.kind == RowKind::Rest && row.findings.iter().any(|k| d.findings[k - 1].is_sure())
+/// Whether a row is told: the error of one that models something has to change in what is shown of it. Findings of the rest are told whatever
+/// they take off the error: they are in the model.
+fn shows(row: &VerdictRow, decimals: usize) -> bool {
+    let shown = |mm: f64| format!("{mm:.decimals$}");
+    let rest = row.kind == RowKind::Rest && !row.findings.is_empty();
+    !claims_something(row) || rest || shown(row.before_mm) != shown(row.after_mm)
 }
 
-/// Whether a row claims anything: the error of one that models something has to change in what is shown of it.
+/// What the plain model has besides the arm's own parameters, which are counted: "and 15 of measuring frame and targets".
+fn set_up(plain: &Model) -> Option<String> {
+    let kinds: [(&str, fn(&Term) -> bool); 3] = [
+        ("measuring frame", |t| matches!(t.site, Site::Frame { .. })),
+        ("targets", |t| matches!(t.site, Site::Target { .. })),
+        ("places of the balls", |t| t.effect == "place"),
+    ];
+    let of = |is: &fn(&Term) -> bool| plain.terms.iter().filter(|t| is(t)).count();
+    let there: Vec<String> = kinds.iter().filter(|(_, is)| of(is) > 0).map(|(name, _)| (*name).to_owned()).collect();
+    let count: usize = kinds.iter().map(|(_, is)| of(is)).sum();
+    (count > 0).then(|| format!("and {count} of {}", caution::listed(&there, "and")))
+}
+
+/// The rows of a verdict that are told, with so many decimals.
 #[must_use]
-pub fn shows(row: &VerdictRow, decimals: usize) -> bool {
-    let shown = |mm: f64| format!("{mm:.decimals$}");
-    !claims_something(row) || shown(row.before_mm) != shown(row.after_mm)
+pub fn told(d: &Diagnosis, mut rows: Vec<VerdictRow>) -> (Vec<VerdictRow>, usize) {
+    let decimals = decimals(d, &rows);
+    rows.retain(|r| shows(r, decimals));
+    let plain = rows.first_mut().filter(|r| r.kind == RowKind::Plain);
+    if let (Some(row), Some(more)) = (plain, set_up(&d.before)) {
+        row.text += &format!(" ({more})");
+    }
+    (rows, decimals)
 }
 
 /// Decimals that make the smallest error of a diagnosis readable; one more where a row would show no change otherwise.
@@ -114,6 +139,24 @@ pub fn no_arm(d: &Diagnosis) -> Vec<String> {
     caution::no_arm(d.baseline.holdout_rms_mm, deg).iter().map(|c| table::ended(c)).collect()
 }
 
+/// What to do where causes were found, and none of them is sure.
+#[must_use]
+pub fn none_sure(d: &Diagnosis) -> Option<&'static str> {
+    let unsure = !d.findings.is_empty() && !d.findings.iter().any(Finding::is_sure);
+    unsure.then_some("no cause is sure: measure more poses, and use the model only where it was measured")
+}
+
+/// What the fit took for noise, in one note each.
+#[must_use]
+pub fn notes(d: &Diagnosis) -> Vec<String> {
+    let told = |r: &String| {
+        format!(
+            "{r}. The fit treats part of this as noise, and the errors here do not contain that part. The arm is not the cause."
+        )
+    };
+    d.baseline.reading_noise.iter().map(told).collect()
+}
+
 /// What else should make the owner look twice, in one sentence each.
 #[must_use]
 pub fn cautions(d: &Diagnosis) -> Vec<String> {
@@ -122,6 +165,7 @@ pub fn cautions(d: &Diagnosis) -> Vec<String> {
     let which = caution::which_target(&d.data, d.model.cell.tool.targets.len());
     let all = much
         .into_iter()
+        .chain(none_sure(d).map(str::to_owned))
         .chain(which)
         .chain(d.cautions.iter().cloned())
         .chain(caution::beyond_limits(&d.model.robot, &d.data));
@@ -158,9 +202,7 @@ pub fn lines(d: &Diagnosis) -> Vec<String> {
         d.after.poses
     );
     let table = |claims: usize, advised: usize| -> Vec<String> {
-        let mut rows = d.verdict.shortened(claims);
-        let decimals = decimals(d, &rows);
-        rows.retain(|r| shows(r, decimals) || names_sure(d, r));
+        let (mut rows, decimals) = told(d, d.verdict.shortened(claims));
         if let Some(whole) = rows.last_mut() {
             whole.text += &elsewhere(d).map_or_else(String::new, |e| format!("; {e}"));
         }
@@ -191,6 +233,8 @@ pub fn answer(d: &Diagnosis, source: JointSource) -> Result<serde_json::Value> {
 
 #[cfg(test)]
 mod tests {
+    use trical_model::{Axis, Basis, Motion};
+
     use super::*;
 
     fn row(kind: RowKind) -> VerdictRow {
@@ -233,11 +277,28 @@ mod tests {
 
     #[test]
     fn what_changes_nothing_that_is_shown_is_left_out() {
-        for kind in [RowKind::Finding, RowKind::Curves, RowKind::Rest] {
-            let row = |after_mm| VerdictRow { after_mm, ..row(kind) };
+        for (kind, findings) in [(RowKind::Finding, vec![1]), (RowKind::Curves, vec![]), (RowKind::Rest, vec![])] {
+            let row = |after_mm| VerdictRow { after_mm, findings: findings.clone(), ..row(kind) };
             assert!(shows(&row(0.5), 3) && !shows(&row(0.5088), 3) && shows(&row(0.5088), 4));
         }
+        // findings of the rest are in the model, sure or not
+        assert!(shows(&VerdictRow { after_mm: 0.5091, ..row(RowKind::Rest) }, 3));
         assert!(shows(&VerdictRow { after_mm: 0.5091, ..row(RowKind::Whole) }, 3));
+    }
+
+    #[test]
+    fn what_only_places_the_instrument_is_counted_beside_the_arm() {
+        let mut plain = crate::test_data::arm();
+        assert_eq!(set_up(&plain), None);
+        for (effect, site) in [
+            ("setup", Site::Frame { frame: 1, motion: Motion::ALL[0] }),
+            ("setup", Site::Target { target: 1, axis: Axis::X }),
+            ("place", Site::Fixture(Motion::ALL[0])),
+            ("geometry", Site::Base(Motion::ALL[0])),
+        ] {
+            plain.terms.push(Term::new("t", effect, site, Basis::CONSTANT));
+        }
+        assert_eq!(set_up(&plain).as_deref(), Some("and 3 of measuring frame, targets and places of the balls"));
     }
 
     #[test]

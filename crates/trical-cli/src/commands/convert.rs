@@ -79,7 +79,8 @@ pub fn run(args: &Args) -> Result<()> {
         let value = json!({ "rows": recording.rows.len(), "joints": recording.joints, "lost": lost, "out": output });
         return say(serde_json::to_string_pretty(&value)?);
     }
-    say(format!("{} rows written to {}", recording.rows.len(), output.display()))
+    let rows = recording.rows.len();
+    say(format!("{rows} row{} written to {}", if rows == 1 { "" } else { "s" }, output.display()))
 }
 
 /// Writes the arm that Universal Robots measured as robot.toml.

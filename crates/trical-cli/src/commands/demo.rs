@@ -350,7 +350,9 @@ fn diagnosed(story: &Story<'_>, recording: Recording) -> Result<Models> {
 
 /// An effect, where, and how large.
 fn in_words(effect: EffectId, place: Place, coefficients: &[Coefficient]) -> String {
-    let values = coefficients.iter().take(COEFFICIENTS).map(|c| table::estimate(&c.name, c.value, c.sd, &c.unit));
+    // one needs no name of its own
+    let name = |c: &Coefficient| if coefficients.len() == 1 { "size".to_owned() } else { c.name.clone() };
+    let values = coefficients.iter().take(COEFFICIENTS).map(|c| table::estimate(&name(c), c.value, c.sd, &c.unit));
     let more = if coefficients.len() > COEFFICIENTS { ", ..." } else { "" };
     format!("{}: {}{more}", verdict::named(effect, place), values.collect::<Vec<_>>().join(", "))
 }
@@ -404,7 +406,7 @@ fn validate(story: &Story<'_>, models: &Models, temp_c: Option<f64>, task: &Task
     let each = [forward(&models.nominal)?, forward(&models.plain.model)?, forward(&models.best)?];
     let [a, b, c] = &each;
     let of = |name, poses| score(name, &truth, [a, b, c], poses, temp_c);
-    Ok([of("400 mm sphere", sphere), of("workspace", whole)])
+    Ok([of("sphere, diameter 400 mm", sphere), of("workspace", whole)])
 }
 
 /// 7. A program as it was written and rewritten, driven on the virtual arm: how far its targets are missed.

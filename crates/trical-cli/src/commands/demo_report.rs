@@ -95,7 +95,7 @@ fn errors(models: &Models, scores: &[Scored; 2]) -> Result<Section> {
     Ok(Section {
         heading: "Position error at poses that were never measured".into(),
         text: vec![
-            "At 100 poses in a sphere of 400 mm and at 500 in the whole workspace, against the true arm. The nominal arm has base and \
+            "At 100 poses in a sphere of 400 mm diameter and at 500 in the whole workspace, against the true arm. The nominal arm has base and \
              tool identified."
                 .into(),
         ],

@@ -169,6 +169,7 @@ fn little(next: &Next) -> String {
 /// The verdict; where more stands; what makes it less sure.
 fn lines(args: &Args, d: &Diagnosis) -> Vec<String> {
     let caution = |c: &String| table::wrapped(&format!("Caution: {c}"), 108, "");
+    let note = |n: &String| table::wrapped(&format!("Note: {n}"), 108, "");
     let mut out: Vec<String> = verdict_told::no_arm(d).iter().flat_map(caution).collect();
     out.extend(verdict_told::lines(d));
     let mut more = Vec::new();
@@ -183,6 +184,7 @@ fn lines(args: &Args, d: &Diagnosis) -> Vec<String> {
     }
     out.extend(super::identify::rejected_lines(&d.rejected, d.rejected.len(), 3));
     out.extend(verdict_told::cautions(d).iter().flat_map(caution));
+    out.extend(verdict_told::notes(d).iter().flat_map(note));
     let mut blind: Vec<EffectId> = d.blind_to.iter().map(|b| b.effect).collect();
     blind.sort_unstable();
     blind.dedup();

@@ -99,7 +99,7 @@ pub struct Link {
 
 impl Link {
     fn open(&self) -> Result<Box<dyn Gauge>> {
-        open_gauge(&self.gauge).map_err(CliError::input)
+        Ok(open_gauge(&self.gauge)?)
     }
 }
 

@@ -153,7 +153,7 @@ pub fn run(args: &Args) -> Result<()> {
 
 fn source(args: &Args, robot: &Robot) -> Result<Source> {
     if let Some(url) = &args.controller {
-        let controller = open_controller(url).map_err(CliError::input)?;
+        let controller = open_controller(url)?;
         let (found, expected) = (controller.joint_count(), robot.dof());
         if found != expected {
             let what = format!("--controller: has {found} joints, and {} has {expected}", args.robot.display());

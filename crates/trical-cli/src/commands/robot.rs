@@ -50,7 +50,7 @@ pub struct Link {
 
 impl Link {
     fn open(&self) -> Result<Box<dyn Controller>> {
-        open_controller(&self.controller).map_err(CliError::input)
+        Ok(open_controller(&self.controller)?)
     }
 }
 

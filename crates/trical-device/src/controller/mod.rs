@@ -201,7 +201,7 @@ pub enum ControllerError {
         reason: String,
     },
     /// An answer that is none.
-    #[error("robot controller {controller}: answered {found:?} to {request:?}, expected {expected}")]
+    #[error("robot controller {controller}: answered \"{found}\" to {request:?}, expected {expected}")]
     Garbage {
         /// Name of the controller.
         controller: String,

@@ -202,7 +202,7 @@ impl<S: Read + Write + Send> RapidClient<S> {
                 if moves {
                     let _ = self.send(&protocol::write_request(code::STOP, &[], 0));
                 }
-                self.broken = Some(format!("an answer before was {:?}", shorten(message)));
+                self.broken = Some(format!("an answer before was \"{}\"", shorten(message)));
                 Err(self.garbage(request, message, format!("{wanted:02} 1 ... #")))
             }
         }
@@ -279,7 +279,7 @@ impl<S: Read + Write + Send> RapidClient<S> {
             }
             if self.buffer.len() > protocol::LONGEST {
                 let found = std::mem::take(&mut self.buffer);
-                return Err(self.lost(format!("it sends {:?} and no end of message", shorten(&found))));
+                return Err(self.lost(format!("it sends \"{}\" and no end of message", shorten(&found))));
             }
             if Instant::now() >= deadline {
                 return Ok(None);

@@ -40,6 +40,9 @@ pub const LINE_GAUGES: &[LineKind] = &[
     of("line", SerialSettings::new(9600), "?\r", "{v}", "anything else that answers a line"),
 ];
 
+/// No indicator has a longer stroke, m: a larger reading is in another unit, or is none.
+const LONGEST: f64 = 0.1;
+
 /// Settings of a line gauge.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LineSettings {
@@ -132,10 +135,15 @@ impl<P: Port> LineGauge<P> {
             };
             match parse_line(&line, &settings.pattern) {
                 LineReply::Values(values) => {
-                    return Ok(values
+                    let readings: Vec<f64> = values
                         .into_iter()
                         .map(|(value, unit): (f64, Unit)| value * unit.in_metres().unwrap_or(settings.scale))
-                        .collect());
+                        .collect();
+                    if readings.iter().any(|m| m.abs() > LONGEST) {
+                        let expected = "a reading within 100 mm; check unit, scale and pattern".to_owned();
+                        return Err(GaugeError::Garbage { gauge, axis, found: shorten(&line), expected });
+                    }
+                    return Ok(readings);
                 }
                 LineReply::Busy if busy < settings.busy_attempts => {
                     busy += 1;

@@ -90,7 +90,7 @@ pub enum GaugeError {
         seconds: f64,
     },
     /// An answer that is none.
-    #[error("gauge {gauge}, axis {axis}: answered {found:?}, expected {expected}")]
+    #[error("gauge {gauge}, axis {axis}: answered \"{found}\", expected {expected}")]
     Garbage {
         /// Name of the gauge.
         gauge: String,
@@ -114,7 +114,7 @@ pub enum GaugeError {
         status: uwave_protocol::Status,
     },
     /// The instrument reports an error of its own.
-    #[error("gauge {gauge}, axis {axis}: the instrument answered {found:?} ({meaning})")]
+    #[error("gauge {gauge}, axis {axis}: the instrument answered \"{found}\" ({meaning})")]
     Instrument {
         /// Name of the gauge.
         gauge: String,
@@ -248,8 +248,8 @@ fn spread(readings: &[[f64; 3]]) -> [f64; 3] {
 
 /// Bytes as text for a message: at most 60 characters, control characters escaped.
 pub(crate) fn shorten(bytes: &[u8]) -> String {
-    let text = String::from_utf8_lossy(bytes);
-    if text.chars().count() <= 60 { text.into_owned() } else { text.chars().take(60).chain("...".chars()).collect() }
+    let text = bytes.get(..60).unwrap_or(bytes).escape_ascii();
+    format!("{text}{}", if bytes.len() > 60 { "..." } else { "" })
 }
 
 #[cfg(test)]

@@ -95,6 +95,28 @@ fn alike_findings_of_several_joints_are_one_row_and_the_table_goes_from_the_plai
 }
 
 #[test]
+fn what_happens_at_one_place_in_several_sessions_is_one_row() {
+    let jump = |joint, session, errors| Finding {
+        session: Some(session),
+        ..finding(EffectId::JointZeroShift, joint, SURE, errors)
+    };
+    let said = |findings: &[Finding]| {
+        let rows = told(findings, &[], [(31, 0.5), (34, 0.1)]).rows;
+        rows[1..rows.len() - 1].iter().map(|r| r.text.clone()).collect::<Vec<_>>()
+    };
+    // the second of two alike jumps may take all of the error
+    let twice = [jump(4, 1, [0.5, 0.51]), jump(4, 2, [0.51, 0.1])];
+    assert_eq!(said(&twice), ["Joint zero that jumped at joint 4, in sessions 1 and 2"]);
+    let two_joints = [jump(4, 1, [0.5, 0.3]), jump(5, 1, [0.3, 0.1])];
+    assert_eq!(said(&two_joints), ["Joint zero that jumped at joints 4 and 5 in session 1"]);
+    let apart = [jump(4, 1, [0.5, 0.3]), jump(5, 2, [0.3, 0.1])];
+    assert_eq!(
+        said(&apart),
+        ["Joint zero that jumped at joint 4 in session 1", "Joint zero that jumped at joint 5 in session 2"]
+    );
+}
+
+#[test]
 fn what_is_less_than_half_sure_is_not_said_as_a_fact() {
     let said = |confidences| {
         let verdict =

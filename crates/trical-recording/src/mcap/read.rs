@@ -79,10 +79,13 @@ fn not_mcap(path: &Path, bytes: &[u8]) -> RecordError {
 fn lost(path: &Path, raw: &RawFile) -> Option<String> {
     (!raw.losses.is_empty()).then(|| {
         format!(
-            "{}: the recording is damaged or incomplete ({}); {} messages were recovered",
+            "{}: the recording is damaged or incomplete ({}); {} recovered",
             path.display(),
             raw.losses.join("; "),
-            raw.messages.len()
+            match raw.messages.len() {
+                1 => "1 message was".to_owned(),
+                n => format!("{n} messages were"),
+            }
         )
     })
 }

@@ -4,13 +4,33 @@ use super::*;
 
 #[test]
 fn an_error_falls_only_where_it_does() {
-    assert!(whole(0.5, 0.1, 2).contains("falls from 0.50 to 0.10 mm rms"));
+    assert!(whole("this", [0.5, 0.1], 2).contains("falls from 0.50 to 0.10 mm rms"));
     assert_eq!(
-        whole(2.981, 2.979, 2),
+        whole("this", [2.981, 2.979], 2),
         "2.98 mm rms is left at poses that the fit did not see: nothing was found that lowers it."
     );
     assert!(alone("A free curve", 0.2, 0.1).contains("lowers the error at unseen poses from 0.2000 to 0.1000"));
     assert!(alone("A free curve", 0.1, 0.2).contains("not at unseen poses: there the error is 0.2000 mm rms with it"));
+}
+
+#[test]
+fn a_report_counts_what_the_model_has_beside_the_claims_of_its_summary() {
+    let row = |kind, findings: &[usize]| VerdictRow {
+        kind,
+        text: String::new(),
+        perhaps: None,
+        confidence: None,
+        before_mm: 0.2,
+        after_mm: 0.1,
+        action: None,
+        corrected: true,
+        findings: findings.into(),
+    };
+    let (two, one, curves) = (row(RowKind::Finding, &[1, 3]), row(RowKind::Finding, &[2]), row(RowKind::Curves, &[]));
+    assert_eq!(modelled(&[&one], 1, false), "this");
+    assert_eq!(modelled(&[&two, &one], 4, false), "these and 1 smaller finding");
+    assert_eq!(modelled(&[&two, &one], 15, true), "these, 12 smaller findings and curves of no known cause");
+    assert_eq!(modelled(&[&two, &curves], 3, true), "these and 1 smaller finding");
 }
 
 #[test]
@@ -23,9 +43,12 @@ fn of_what_a_finding_could_also_be_each_is_told_once_and_never_itself() {
 
 #[test]
 fn touches_that_decide_are_offered_only_where_they_can_be_planned() {
-    assert_eq!(could_also_be("a or b", false).unwrap(), "In this data it could also be: a or b.");
-    assert!(could_also_be("a", true).unwrap().ends_with("a. `trical diagnose --next 8` plans touches that decide."));
-    assert!(could_also_be("", true).is_none());
+    assert_eq!(could_also_be("a or b", false, false).unwrap(), "In this data it could also be: a or b.");
+    let offered = could_also_be("a", false, true).unwrap();
+    assert!(offered.ends_with("a. `trical diagnose --next 8` plans touches that decide."), "{offered}");
+    assert!(could_also_be("", false, true).is_none());
+    // what is sure needs none
+    assert_eq!(could_also_be("a", true, true).unwrap(), "Much less likely: a.");
 }
 
 #[test]

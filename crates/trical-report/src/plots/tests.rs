@@ -43,6 +43,19 @@ fn of_many_points_a_bounded_number_is_drawn_and_none_that_is_alone_is_lost() {
 }
 
 #[test]
+fn of_a_crowd_points_are_drawn_by_chance_and_the_largest_always() {
+    // measured in passes from left to right, each a little higher: of every cell the first point stands at its foot
+    let mut points: Vec<(f64, f64)> = (0..40_000).map(|k| (f64::from(k % 200), f64::from(k / 200))).collect();
+    points[25_123].1 = -200.5;
+    let kept = drawn(&[series(&points)]);
+    assert!(kept[0].contains(&25_123) && kept[0].is_sorted() && kept == drawn(&[series(&points)]));
+    let mut heights: Vec<usize> = kept[0].iter().map(|k| k / 200).collect();
+    heights.sort_unstable();
+    heights.dedup();
+    assert!(heights.len() > 100, "{} lines: {heights:?}", heights.len());
+}
+
+#[test]
 fn names_go_with_the_points_that_are_drawn_and_nothing_ends_the_script() {
     let names = ["</script>", "b"].map(String::from);
     let html = scatter_named("x", "y", true, false, &[series(&[(2.0, 1.0), (1.0, 2.0)])], &names).unwrap();

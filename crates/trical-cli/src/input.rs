@@ -1,13 +1,12 @@
 //! Robots, cells and recordings from the files that the user names.
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use trical_ident::{JointSource, ToolSharing};
 use trical_model::{Cell, JointKind, MAX_JOINTS, Recording, Robot};
 use trical_plan::geometry::mesh::resolve_meshes;
-use trical_recording::{CsvStream, RecordError, columns, is_mcap, open_large, output, refuse_other_units};
+use trical_recording::{CsvStream, RecordError, open_large, output, refuse_other_units};
 use trical_report::Made;
 
 use crate::error::{CliError, Result};
@@ -182,18 +181,6 @@ pub fn check_names<'a>(
         before.push((option, path));
     }
     output::check_apart(&before).map_err(CliError::Input)
-}
-
-/// Whether a file is a recording, by how it begins.
-fn is_recording(path: &Path) -> bool {
-    // no pipe or device, that may wait for ever
-    let Some(file) = path.is_file().then(|| std::fs::File::open(path).ok()).flatten() else { return false };
-    let mut head = Vec::new();
-    let read = file.take(4096).read_to_end(&mut head);
-    let text = String::from_utf8_lossy(&head);
-    let header = text.lines().next().unwrap_or_default().trim_start_matches('\u{feff}').to_lowercase();
-    let names = header.split([',', ';', '\t', ' ']).map(|name| name.trim().trim_matches('"')).filter(|n| !n.is_empty());
-    read.is_ok() && (is_mcap(path).unwrap_or(false) || columns::is_recording(names))
 }
 
 /// The same as [`check_output`] of a command that writes a recording.

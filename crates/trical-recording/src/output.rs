@@ -81,7 +81,7 @@ fn is_recording(path: &Path) -> bool {
     let read = file.take(4096).read_to_end(&mut head);
     let text = String::from_utf8_lossy(&head);
     let header = text.lines().next().unwrap_or_default().trim_start_matches('\u{feff}').to_lowercase();
-    let names = header.split([',', ';', '\t']).map(|name| name.trim().trim_matches('"'));
+    let names = header.split([',', ';', '\t', ' ']).map(|n| n.trim().trim_matches('"')).filter(|n| !n.is_empty());
     read.is_ok() && (is_mcap(path).unwrap_or(false) || columns::is_recording(names))
 }
 

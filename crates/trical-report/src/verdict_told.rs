@@ -70,14 +70,14 @@ fn shows(row: &VerdictRow, decimals: usize) -> bool {
 
 /// What the plain model has besides the arm's own parameters, which are counted: "and 15 of measuring frame and targets".
 fn set_up(plain: &Model) -> Option<String> {
-    let kinds: [(&str, fn(&Term) -> bool); 3] = [
-        ("measuring frame", |t| matches!(t.site, Site::Frame { .. })),
-        ("targets", |t| matches!(t.site, Site::Target { .. })),
-        ("places of the balls", |t| t.effect == "place"),
+    let of = |is: &dyn Fn(&Term) -> bool| plain.terms.iter().filter(|t| is(t)).count();
+    let kinds = [
+        ("measuring frame", of(&|t| matches!(t.site, Site::Frame { .. }))),
+        ("targets", of(&|t| matches!(t.site, Site::Target { .. }))),
+        ("places of the balls", of(&|t| t.effect == "place")),
     ];
-    let of = |is: &fn(&Term) -> bool| plain.terms.iter().filter(|t| is(t)).count();
-    let there: Vec<String> = kinds.iter().filter(|(_, is)| of(is) > 0).map(|(name, _)| (*name).to_owned()).collect();
-    let count: usize = kinds.iter().map(|(_, is)| of(is)).sum();
+    let there: Vec<String> = kinds.iter().filter(|(_, n)| *n > 0).map(|(name, _)| (*name).to_owned()).collect();
+    let count: usize = kinds.iter().map(|(_, n)| n).sum();
     (count > 0).then(|| format!("and {count} of {}", caution::listed(&there, "and")))
 }
 

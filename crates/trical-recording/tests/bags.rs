@@ -161,7 +161,7 @@ fn the_arm_is_told_from_others_on_its_topic_and_lost_measurements_are_left_out()
         if k % 25 == 20 {
             state.position = vec![f64::NAN; 2];
         }
-        if k % 5 == 0 { vec![gripper, state] } else { vec![state] }
+        if k.is_multiple_of(5) { vec![gripper, state] } else { vec![state] }
     };
     bag_with(&path, "geometry_msgs/msg/PointStamped", &far, &told);
     let read = read_any(&path, Some(2), None).unwrap().recording;

@@ -42,10 +42,5 @@ fn ask(r: &Covariates<'_>) -> Asked {
     let pairs: BTreeSet<(usize, usize)> = (0..=usize::from(r.model.robot.is_on_rail()))
         .flat_map(|rail| PAIRS.map(|(joint, from)| (joint + rail, from + rail)))
         .collect();
-    pairs
-        .into_iter()
-        .filter(|p| p.0 <= r.dof())
-        .map(of)
-        .collect::<Vec<_>>()
-        .into()
+    pairs.into_iter().filter(|p| p.0 <= r.dof()).map(of).collect::<Vec<_>>().into()
 }

@@ -474,9 +474,8 @@ fn two_sessions_do_not_write_one_recording() {
 fn what_a_command_reads_it_does_not_replace() {
     let place = planned(2);
     let measure = "measure --go --gauge uwave:///dev/none --controller rapid://127.0.0.1:1 --plan plan.csv";
-    for (command, out) in
-        [("plan --per-ball 2", "robot.toml"), (&format!("{measure} --resume"), "cell.toml"), (measure, "./plan.csv")]
-    {
+    refused(&place.run(&in_cell("plan --per-ball 2 --out robot.toml")), 2, "expected a name that ends in .csv");
+    for (command, out) in [(&*format!("{measure} --resume"), "cell.toml"), (measure, "./plan.csv")] {
         let o = place.run(&in_cell(&format!("{command} --out {out}")));
         refused(&o, 2, &format!("{out}: is read by this command, and would be replaced"));
     }

@@ -190,8 +190,8 @@ fn a_plan_for_two_sockets_says_what_it_takes_as_known_and_without_a_place_what_p
     let (code, _, wrong) = plan(SOCKETS, &["--out", "q.csv"]);
     assert!(code == Some(2) && wrong.contains("'floor'") && wrong.contains("without --out"), "{wrong}");
     assert!(!place.path("q.csv").exists());
-    let (code, _, wrong) = plan(&known, &["--points", "5"]);
-    assert!(code == Some(2) && wrong.contains("--out is missing"), "{wrong}");
+    let o = place.run(&in_cell("plan --points 5"));
+    assert!(o.status.code() == Some(2) && errors(&o).contains("--out is missing"), "{}", errors(&o));
 }
 
 /// Two sockets that stand nobody knows where.

@@ -113,7 +113,7 @@ mod tests {
 
     use super::*;
     use crate::test_data::{arm, states};
-    use trical_model::{Model, State};
+    use trical_model::State;
 
     fn joints(k: f64) -> State {
         State::at(&[0.1 * k])
@@ -134,23 +134,6 @@ mod tests {
                 "{id}: {together} {at_joint_2}"
             );
         }
-    }
-
-    #[test]
-    fn couplings_of_an_arm_on_a_rail_are_asked_as_its_joints_are_counted_with_the_rail_and_without() {
-        let pairs = |model: &Model, joints: usize| -> Vec<(usize, usize)> {
-            let q = vec![0.1; joints];
-            let all = catalogue(&Covariates::new(model, &states(9, |_| State::at(&q)), 1e-5), &[]).0;
-            let pair = |c: &Candidate| match c.site {
-                Place::Coupling { joint, from } => Some((joint, from)),
-                _ => None,
-            };
-            all.iter().filter_map(pair).collect()
-        };
-        assert_eq!(pairs(&arm(), 6), [(3, 2), (5, 4), (6, 4), (6, 5)]);
-        let mut on_rail = arm();
-        on_rail.robot.joints[0].kind = trical_model::JointKind::Prismatic;
-        assert_eq!(pairs(&on_rail, 6), [(3, 2), (4, 3), (5, 4), (6, 4), (6, 5)]);
     }
 
     #[test]

@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn on_a_rail_the_wrist_is_counted_one_further() {
+    fn on_a_rail_couplings_are_asked_with_the_rail_counted_and_without() {
         let pairs = |kind| {
             let mut model = arm();
             model.robot.joints[0].kind = kind;
@@ -96,7 +96,7 @@ mod tests {
         let of = |pairs: &[(usize, usize)]| {
             pairs.iter().map(|(joint, from)| Place::Coupling { joint: *joint, from: *from }).collect::<Vec<_>>()
         };
-        assert_eq!(pairs(JointKind::Revolute), of(&[(5, 4), (6, 5), (6, 4), (3, 2)]));
-        assert_eq!(pairs(JointKind::Prismatic), of(&[(6, 5), (4, 3)]));
+        assert_eq!(pairs(JointKind::Revolute), of(&[(3, 2), (5, 4), (6, 4), (6, 5)]));
+        assert_eq!(pairs(JointKind::Prismatic), of(&[(3, 2), (4, 3), (5, 4), (6, 4), (6, 5)]));
     }
 }

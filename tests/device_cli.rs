@@ -477,9 +477,9 @@ fn what_a_command_reads_it_does_not_replace() {
     refused(&place.run(&in_cell("plan --per-ball 2 --out robot.toml")), 2, "expected a name that ends in .csv");
     for (command, out) in [(&*format!("{measure} --resume"), "cell.toml"), (measure, "./plan.csv")] {
         let o = place.run(&in_cell(&format!("{command} --out {out}")));
-        refused(&o, 2, &format!("{out}: is read by this command, and would be replaced"));
+        refused(&o, 2, &format!("{out}: is read, too, and would be replaced"));
     }
-    refused(&place.run(&["convert", "plan.csv", "plan.csv"]), 2, "plan.csv: is read by this command");
+    refused(&place.run(&["convert", "plan.csv", "plan.csv"]), 2, "plan.csv: is read, too");
     assert_eq!(place.text("robot.toml"), ROBOT);
 }
 

@@ -66,7 +66,7 @@ def _model(model: Model | PathLike) -> Model:
     return Model.load(path_of(model))
 
 
-def _path_of(model: Model | PathLike) -> str | None:
+def _path_of_model(model: Model | PathLike) -> str | None:
     return None if isinstance(model, Model) else os.fsdecode(model)
 
 
@@ -544,7 +544,7 @@ def compensate(
     text = _native._compensate(
         path_of(program),
         _model(model),
-        _path_of(model),
+        _path_of_model(model),
         None if out is None else os.fspath(out),
         _file(robot),
         _file(cell),

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from . import _native
-from ._calls import _file, _model, _path_of
+from ._calls import _file, _model, _path_of_model
 from ._given import whole
 from ._native import Model, Robot, TricalError
 from ._recording import PathLike
@@ -94,6 +94,6 @@ def export(
         raise TricalError("export was given nothing to write, expected urdf, mdh, error_map or ur_kinematics")
     arm = None if robot is None else _file(robot)
     said: dict[str, Any] = json.loads(
-        _native._export(_model(model), _path_of(model), arm, *files, whole("poses", poses))
+        _native._export(_model(model), _path_of_model(model), arm, *files, whole("poses", poses))
     )
     return said

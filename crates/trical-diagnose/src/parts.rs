@@ -92,8 +92,8 @@ pub(crate) fn what_does_not_pay(
     let scores = |out: &[usize], add| -> Vec<Vec<f64>> { proofs.iter().map(|p| p.scores(out, add)).collect() };
     let mut out: Vec<usize> = Vec::new();
     let mut now = scores(&out, None);
-    let of = |e: ErrorSummary| e.mean_mm * e.rms_mm;
-    let error = |out: &[usize]| proofs.first().map_or(0.0, |p| of(p.errors(out, None)));
+    let mean_by_rms = |e: ErrorSummary| e.mean_mm * e.rms_mm;
+    let error = |out: &[usize]| proofs.first().map_or(0.0, |p| mean_by_rms(p.errors(out, None)));
     while !groups.is_empty() {
         let with = error(&out);
         let pays = |g: &Group| {
@@ -147,12 +147,12 @@ mod tests {
     /// What does not pay of the candidates that `set` makes for an arm with a hidden error of joint 2, each alone in its group but for those
     /// from `groups` on, which are what could stand instead.
     fn not_paying(
-        hidden: &[(Shape, f64)],
+        hidden: Shape,
+        size: f64,
         set: &dyn Fn(&Covariates<'_>, &Dataset) -> Vec<Candidate>,
         groups: usize,
     ) -> Vec<usize> {
-        let of = |(shape, size): &(Shape, f64)| (Basis::new(Variable::Joint { joint: 2 }, *shape), *size);
-        let (truth, data) = with_joint_2(&hidden.iter().map(of).collect::<Vec<_>>());
+        let (truth, data) = with_joint_2(&[(Basis::new(Variable::Joint { joint: 2 }, hidden), size)]);
         let fitted = identify(&truth.robot, &truth.cell, &data, Choice::from(ParameterSet::Compliance)).unwrap();
         let candidates = set(&Covariates::new(&fitted.model, &data, 1e-5), &data);
         let design = Design::new(&fitted.model, &candidates, &data, &fitted.noise).unwrap();
@@ -172,9 +172,9 @@ mod tests {
         let curve_and_waves = |r: &Covariates<'_>, _: &Dataset| {
             [of_joint_2(EffectId::EncoderError, r), of_joint_2(EffectId::JointHarmonic, r)].concat()
         };
-        assert_eq!(not_paying(&[(Shape::Sine { cycles: 5.0 }, 5e-4)], &curve_and_waves, 1), [0]);
+        assert_eq!(not_paying(Shape::Sine { cycles: 5.0 }, 5e-4, &curve_and_waves, 1), [0]);
         // one wave alone is no rival of a curve with waves that are not of the joint's first ones
-        assert!(not_paying(&[(Shape::Sine { cycles: 9.0 }, 5e-4)], &curve_and_waves, 1).is_empty());
+        assert!(not_paying(Shape::Sine { cycles: 9.0 }, 5e-4, &curve_and_waves, 1).is_empty());
     }
 
     #[test]
@@ -186,7 +186,7 @@ mod tests {
             both.extend(curves.iter().find(own).cloned());
             both
         };
-        assert_eq!(not_paying(&[(Shape::Linear, 5e-4)], &ratio_and_curve, 2), [1]);
+        assert_eq!(not_paying(Shape::Linear, 5e-4, &ratio_and_curve, 2), [1]);
     }
 
     /// What harms the last quarter of a recording, of a drift with the order of the rows that was fitted to all of it; joint 2 is off by

@@ -194,7 +194,7 @@ pub const SAME_EVIDENCE_NATS: f64 = 1e-6;
 /// Leaner candidates that are tried, with another one, in the place of a rich one.
 pub const LEANER_TRIED: usize = 3;
 
-/// As many may take the place of one without a name: a curve may have covered several effects of its joint, of which no two say as much.
+/// So many together may take the place of one without a name: a curve may have covered several effects of its joint, of which no two say as much.
 pub const LEANER_FOR_NAMELESS: usize = 4;
 
 // Rounds

@@ -59,23 +59,24 @@ pub fn run(args: &Args) -> Result<()> {
 fn load(path: &Path, args: &Args) -> Result<(Recording, Option<Robot>, Option<Cell>)> {
     let mut robot = args.robot.as_ref().map(|p| Robot::load(p)).transpose()?;
     let mut cell = args.cell.as_ref().map(|p| Cell::load(p)).transpose()?;
-    if !is_mcap(path)? {
-        let joints = robot.as_ref().map_or(args.joints, Robot::dof);
-        let recording = load_csv(path, joints)?;
-        robot.as_ref().map_or(Ok(()), |robot| refuse_other_units(&recording, robot))?;
-        return Ok((recording, robot, cell));
+    let recording = if is_mcap(path)? {
+        let (recording, lost) = open_damaged(path, None)?;
+        if let Some(lost) = lost {
+            crate::note!("trical: note: {lost}");
+        }
+        if robot.is_none() || cell.is_none() {
+            let inside = read_recording(path)?;
+            let (arm, place) = inside.arm_and_cell(path)?;
+            robot = robot.or(arm);
+            cell = cell.or(place);
+        }
+        recording
+    } else {
+        load_csv(path, robot.as_ref().map_or(args.joints, Robot::dof))?
+    };
+    if let Some(robot) = &robot {
+        refuse_other_units(&recording, robot)?;
     }
-    let (recording, lost) = open_damaged(path, None)?;
-    if let Some(lost) = lost {
-        crate::note!("trical: note: {lost}");
-    }
-    if robot.is_none() || cell.is_none() {
-        let inside = read_recording(path)?;
-        let (arm, place) = inside.arm_and_cell(path)?;
-        robot = robot.or(arm);
-        cell = cell.or(place);
-    }
-    robot.as_ref().map_or(Ok(()), |robot| refuse_other_units(&recording, robot))?;
     Ok((recording, robot, cell))
 }
 

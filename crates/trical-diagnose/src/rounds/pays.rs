@@ -171,14 +171,16 @@ impl Rounds {
     /// stays as it was: where nothing was visited, the joint may be off by as much as the likelihood says.
     pub(crate) fn shrink_curves(&mut self) -> Result<()> {
         let curves: Vec<usize> = self.chosen.iter().copied().filter(|c| self.candidates[*c].is_long_curve()).collect();
+        if curves.is_empty() {
+            return Ok(());
+        }
         let folds = Folds::of(&self.kept);
         let joints = curves.iter().filter_map(|c| self.candidates[*c].site.joint());
         let angles: Vec<Folds> = joints.take(CURVES_ASKED).map(|joint| folds.by_angle(&self.kept, joint - 1)).collect();
-        let error = |factor: f64| -> Result<f64> {
+        let shrink = |c: &mut Candidate, share: f64| c.scales.iter_mut().for_each(|s| *s *= share);
+        let error = |share: f64| -> Result<f64> {
             let mut members = self.members(&self.chosen);
-            for c in members.iter_mut().filter(|c| c.is_long_curve()) {
-                c.scales.iter_mut().for_each(|s| *s *= factor);
-            }
+            members.iter_mut().filter(|c| c.is_long_curve()).for_each(|c| shrink(c, share));
             let design = self.design_at(&self.fitted.model, &members, &[], CorrelatedNoise::WHITE)?;
             let all: Vec<usize> = (0..members.len()).collect();
             let unseen = |own: &Folds| {
@@ -189,27 +191,31 @@ impl Rounds {
             Ok(angles.iter().map(|own| unseen(own).unwrap_or(f64::INFINITY)).sum())
         };
         let mut best = (1.0, f64::INFINITY);
-        for factor in if curves.is_empty() { &[][..] } else { &CURVE_SHARES } {
-            let new = error(*factor)?;
+        for share in CURVE_SHARES {
+            let new = error(share)?;
             if new >= best.1 {
                 break;
             }
-            best = (*factor, new);
+            best = (share, new);
         }
         if best.0 == 1.0 {
             return Ok(());
         }
-        let (wide, known, candidates) = (self.fitted.clone(), self.known.clone(), self.candidates.clone());
-        for c in curves {
-            self.candidates[c].scales.iter_mut().for_each(|s| *s *= best.0);
-        }
-        let done = self.refit();
+        let (wide, known, before) = (self.fitted.clone(), self.known.clone(), self.members(&curves));
+        curves.iter().for_each(|c| shrink(&mut self.candidates[*c], best.0));
+        // where the exact fit does not follow, the values stay too
+        let followed = self.refit().is_ok();
         let lean = std::mem::replace(&mut self.fitted, wide);
-        (self.known, self.candidates) = (known, candidates);
-        for (t, lean) in self.fitted.model.terms.iter_mut().zip(lean.model.terms) {
-            t.value = lean.value;
+        self.known = known;
+        for (c, before) in curves.into_iter().zip(before) {
+            self.candidates[c] = before;
         }
-        done
+        if followed {
+            for (t, lean) in self.fitted.model.terms.iter_mut().zip(lean.model.terms) {
+                t.value = lean.value;
+            }
+        }
+        Ok(())
     }
 
     /// Drops what does not pay at blocks of poses that the fit did not see, in the last quarter of the sessions, foreseen by what came before,

@@ -79,10 +79,9 @@ impl<'a> Parts<'a> {
 
 /// Members of the groups that do not better the log scores of what `proofs` did not see beside those that stay, by more than chance, or harm
 /// those of one proof by more than chance: what each block gains is one draw of the gain, and their scatter says how well the sum is known
-/// (Vehtari, Gelman & Gabry 2017). Errors at the blocks of the first proof have to fall, too: the mean by more than the root mean square
-/// rises, which a few poses far from all others make. What has no name has to gain its price besides, so that of two that say the same the
-/// name stays. A group that is worth no more than one of those that `instead` has for it goes as well. Groups and `instead` are indices into
-/// `candidates`, which are those of the design.
+/// (Vehtari, Gelman & Gabry 2017). Errors at the blocks of the first proof have to fall, too. What has no name has to gain its price besides, so
+/// that of two that say the same the name stays. A group that is worth no more than one of those that `instead` has for it goes as well. Groups
+/// and `instead` are indices into `candidates`, which are those of the design.
 pub(crate) fn what_does_not_pay(
     proofs: &[Parts<'_>],
     candidates: &[Candidate],
@@ -92,17 +91,16 @@ pub(crate) fn what_does_not_pay(
     let scores = |out: &[usize], add| -> Vec<Vec<f64>> { proofs.iter().map(|p| p.scores(out, add)).collect() };
     let mut out: Vec<usize> = Vec::new();
     let mut now = scores(&out, None);
-    let mean_by_rms = |e: ErrorSummary| e.mean_mm * e.rms_mm;
-    let error = |out: &[usize]| proofs.first().map_or(0.0, |p| mean_by_rms(p.errors(out, None)));
+    let errors = |out: &[usize]| proofs.first().map(|p| p.errors(out, None));
     while !groups.is_empty() {
-        let with = error(&out);
+        let with = errors(&out);
         let pays = |g: &Group| {
             let without = [&out[..], &g.members[..]].concat();
             let rivals = instead(g).into_iter().map(|c| surely(&now, &scores(&without, Some(c))));
             let nameless = candidates[g.members[0]].cause == Cause::Unexplained;
             let price = if nameless { UNNAMED_PRICE_NATS } else { 0.0 };
             let pays = rivals.fold(surely(&now, &scores(&without, None)) - price, f64::min);
-            unless_errors_rise(pays, error(&without), with)
+            unless_errors_rise(pays, errors(&without), with)
         };
         let worst = groups.iter().map(pays).enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
         let Some((worst, _)) = worst.filter(|(_, least)| *least <= 0.0) else { break };
@@ -112,9 +110,11 @@ pub(crate) fn what_does_not_pay(
     out
 }
 
-/// A gain in log scores, none where the errors themselves do not fall: a density that is wide where it is wrong loses little.
-fn unless_errors_rise(gain: f64, without: f64, with: f64) -> f64 {
-    if with < without { gain } else { gain.min(0.0) }
+/// A gain in log scores, none where the errors themselves do not fall: a density that is wide where it is wrong loses little. They fall if
+/// their mean falls by a larger factor than their root mean square rises.
+fn unless_errors_rise(gain: f64, without: Option<ErrorSummary>, with: Option<ErrorSummary>) -> f64 {
+    let size = |e: Option<ErrorSummary>| e.map_or(0.0, |e| e.mean_mm * e.rms_mm);
+    if size(with) < size(without) { gain } else { gain.min(0.0) }
 }
 
 /// By how much the log scores of the blocks of all proofs are better than others, less what may be chance; negative where one of the proofs
@@ -215,10 +215,12 @@ mod tests {
     }
 
     #[test]
-    fn what_gains_in_log_scores_does_not_pay_where_errors_rise() {
-        let pays =
-            |gain| [[2.0, 1.0], [1.0, 1.0], [1.0, 2.0]].map(|[without, with]| unless_errors_rise(gain, without, with));
-        assert_eq!((pays(5.0), pays(-3.0)), ([5.0, 0.0, 0.0], [-3.0; 3]));
+    fn what_gains_in_log_scores_pays_where_the_mean_error_falls_by_more_than_a_few_far_poses_raise_the_rms() {
+        let errors = |mean_mm, rms_mm| Some(ErrorSummary { mean_mm, rms_mm, ..ErrorSummary::of(&[1e-3]) });
+        let pays = |gain: f64, mean, rms| unless_errors_rise(gain, errors(1.0, 1.0), errors(mean, rms));
+        assert_eq!([pays(5.0, 0.9, 0.95), pays(5.0, 0.9, 1.05), pays(5.0, 1.05, 0.9)], [5.0; 3]);
+        assert_eq!([pays(5.0, 0.95, 1.1), pays(5.0, 1.0, 1.0), pays(5.0, 1.1, 0.95)], [0.0; 3]);
+        assert_eq!(pays(-3.0, 1.1, 1.1), -3.0);
     }
 
     #[test]

@@ -70,6 +70,10 @@ pub(crate) struct Rounds {
     idle: Vec<usize>,
     /// Those of the last round among all.
     last_idle: Vec<usize>,
+    /// How large waves of long curves are fitted, as a share of what the likelihood says.
+    curve_share: f64,
+    /// How many parameters of the arm the data determine in that fit, if it is another one.
+    determined: Option<f64>,
     /// How the noise is correlated, beside what was chosen.
     pub(crate) correlation: CorrelatedNoise,
     pub(crate) untestable: Vec<Untestable>,
@@ -141,6 +145,8 @@ impl Rounds {
             let_go: Vec::new(),
             idle: Vec::new(),
             last_idle: Vec::new(),
+            curve_share: 1.0,
+            determined: None,
             correlation: CorrelatedNoise::WHITE,
             untestable: Vec::new(),
             fitted_nuisances: vec![false; nuisances.len()],
@@ -556,6 +562,9 @@ impl Rounds {
     /// How many of the parameters of the arm the data determine: one for each without a prior, for each with one the share of
     /// its prior's variance that the data removed.
     pub(crate) fn effective_parameters(&self) -> f64 {
+        if let Some(determined) = self.determined {
+            return determined;
+        }
         let terms = self.fitted.model.terms.iter().zip(&self.known).filter(|(t, _)| is_parameter_of_arm(t));
         terms
             .map(|(t, k)| match (k.prior, t.sd) {

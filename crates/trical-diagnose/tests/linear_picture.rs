@@ -424,6 +424,24 @@ fn what_is_known_of_a_parameter_weighs_as_the_prior_of_a_candidate_does() {
     assert!(one.iter().zip(&other).all(|(a, b)| (a - b).abs() < 1e-5 * b.abs().max(1.0)));
 }
 
+#[test]
+fn a_fit_in_parts_with_other_priors_is_that_of_candidates_of_other_sizes() {
+    let (model, data, mut candidates) = made();
+    let set: Vec<usize> = some(&candidates).into_iter().step_by(9).collect();
+    let part_of = |pose: usize| pose % 4;
+    let design = |candidates: &[Candidate]| Design::new(&model, candidates, &data, &Noise::usual(1)).unwrap();
+    let left = |design: &Design| Partition::new(design, &set, 4, &part_of).unwrap().instead(&[], None);
+    let usual = design(&candidates);
+    let unfitted = Partition::unfitted(&usual, &set, 4, &part_of).unwrap();
+    let smaller = |share: f64| unfitted.with_priors(&|c| if c == set[0] { share } else { 1.0 });
+    let near_all = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6 * b.abs().max(1.0));
+    let same = left(&usual);
+    assert!(near_all(&smaller(1.0), &same));
+    candidates[set[0]].scales.iter_mut().for_each(|s| *s *= 1e-4);
+    let other = left(&design(&candidates));
+    assert!(near_all(&smaller(1e-4), &other) && !near_all(&same, &other));
+}
+
 /// The same by the whole covariance matrix of all touches, in the device's axes.
 #[test]
 fn noise_that_remembers_itself_is_weighed_by_its_covariance() {

@@ -116,6 +116,15 @@ impl<'a> Partition<'a> {
     /// Fits `set` in `count` parts; `part_of` says of each pose to which it belongs. `None` where a fit fails, or the design has no rows.
     #[must_use]
     pub fn new(design: &'a Design, set: &[usize], count: usize, part_of: &dyn Fn(usize) -> usize) -> Option<Self> {
+        let mut this = Self::unfitted(design, set, count, part_of)?;
+        let fits: Vec<Option<Fit>> = (0..count).into_par_iter().map(|part| this.without_part(part)).collect();
+        this.fits = fits.into_iter().collect::<Option<Vec<_>>>()?;
+        Some(this)
+    }
+
+    /// The sums over each part, which do not depend on the priors, without a fit: for [`Self::with_priors`].
+    #[must_use]
+    pub fn unfitted(design: &'a Design, set: &[usize], count: usize, part_of: &dyn Fn(usize) -> usize) -> Option<Self> {
         let linear = design.linear()?;
         let (p, m) = (linear.jacobian.ncols(), linear.rows());
         let mut at = p;
@@ -180,8 +189,6 @@ impl<'a> Partition<'a> {
         for prior in &linear.priors {
             this.whole.push[(prior.column, 0)] += this.scale[prior.column] * prior.weight * prior.residual;
         }
-        let fits: Vec<Option<Fit>> = (0..count).into_par_iter().map(|part| this.without_part(part)).collect();
-        this.fits = fits.into_iter().collect::<Option<Vec<_>>>()?;
         Some(this)
     }
 
@@ -190,8 +197,8 @@ impl<'a> Partition<'a> {
         Mat::from_fn(self.rows[part].len(), columns.len(), |i, j| self.columns[part][(i, columns[j])])
     }
 
-    /// Normal matrix and right side of some columns over the other parts, with the priors.
-    fn normal(&self, part: usize, columns: &[usize]) -> (Mat<f64>, Mat<f64>) {
+    /// Normal matrix and right side of some columns over the other parts, with their priors' precisions.
+    fn normal(&self, part: usize, columns: &[usize], precision: &[f64]) -> (Mat<f64>, Mat<f64>) {
         let n = columns.len();
         let (whole, own) = (&self.whole, &self.sums[part]);
         let mut h = Mat::from_fn(n, n, |i, j| {
@@ -199,7 +206,7 @@ impl<'a> Partition<'a> {
             whole.gram[at] - own.gram[at]
         });
         for (i, j) in columns.iter().enumerate() {
-            h[(i, i)] += self.precision[*j];
+            h[(i, i)] += precision[*j];
         }
         let g = Mat::from_fn(n, 1, |i, _| own.push[(columns[i], 0)] - whole.push[(columns[i], 0)]);
         (h, g)
@@ -207,7 +214,7 @@ impl<'a> Partition<'a> {
 
     fn without_part(&self, part: usize) -> Option<Fit> {
         let all: Vec<usize> = (0..self.scale.len()).collect();
-        let (h, g) = self.normal(part, &all);
+        let (h, g) = self.normal(part, &all, &self.precision);
         let factor = h.llt(Side::Lower).ok()?;
         let (inverse, x) = (factor.inverse(), factor.solve(&g));
         let tested = &self.columns[part];
@@ -218,9 +225,9 @@ impl<'a> Partition<'a> {
         Some(Fit { inverse, x, tested: Tested { hat, left } })
     }
 
-    /// A part's rows by the fit of some columns alone to the other parts.
-    fn predicted_by(&self, part: usize, columns: &[usize], asked: Asked) -> Option<Predicted> {
-        let (h, g) = self.normal(part, columns);
+    /// A part's rows by the fit of some columns alone, with these precisions, to the other parts.
+    fn predicted_by(&self, part: usize, columns: &[usize], precision: &[f64], asked: Asked) -> Option<Predicted> {
+        let (h, g) = self.normal(part, columns, precision);
         let factor = h.llt(Side::Lower).ok()?;
         let rows = self.rows_of(part, columns);
         let left = self.residual_of(part) + &rows * factor.solve(&g);
@@ -241,10 +248,27 @@ impl<'a> Partition<'a> {
     /// and with `add` in their place. Rows of a fit that fails are not predicted at all (infinite).
     #[must_use]
     pub fn instead(&self, out: &[usize], add: Option<usize>) -> Vec<f64> {
-        let mut all = vec![f64::INFINITY; self.linear.rows()];
         let (o, added) = (self.columns_of(out), add.map(|c| self.added(c)));
         let tested = |part: usize| &self.fits[part].tested;
-        for (rows, predicted) in self.rows.iter().zip(self.predicted(&o, added.as_ref(), &tested, Asked::Residuals)) {
+        self.in_rows(self.predicted(&o, added.as_ref(), &tested, Asked::Residuals))
+    }
+
+    /// The same of the whole set, with the standard deviations that are known beforehand `factor` times as large; it says that of each candidate.
+    #[must_use]
+    pub fn with_priors(&self, factor: &dyn Fn(usize) -> f64) -> Vec<f64> {
+        let mut precision = self.precision.clone();
+        for (c, range) in &self.set {
+            precision[range.clone()].iter_mut().for_each(|p| *p /= factor(*c).powi(2));
+        }
+        let all: Vec<usize> = (0..self.scale.len()).collect();
+        let one = |part: usize| self.predicted_by(part, &all, &precision, Asked::Residuals);
+        self.in_rows((0..self.rows.len()).into_par_iter().map(one).collect())
+    }
+
+    /// What is left of each row.
+    fn in_rows(&self, predicted: Vec<Option<Predicted>>) -> Vec<f64> {
+        let mut all = vec![f64::INFINITY; self.linear.rows()];
+        for (rows, predicted) in self.rows.iter().zip(predicted) {
             let Some(predicted) = predicted else { continue };
             for (i, row) in rows.iter().enumerate() {
                 all[*row] = predicted.left[(i, 0)];
@@ -335,7 +359,7 @@ impl<'a> Partition<'a> {
         if add.is_none() && 2 * o.len() > self.scale.len() {
             // what is left is less than what goes
             let kept: Vec<usize> = (0..self.scale.len()).filter(|j| !o.contains(j)).collect();
-            return self.predicted_by(part, &kept, asked);
+            return self.predicted_by(part, &kept, &self.precision, asked);
         }
         let of_out = Mat::from_fn(o.len(), o.len(), |i, j| fit.inverse[(o[i], o[j])]);
         let factor = of_out.llt(Side::Lower).ok()?;

@@ -170,52 +170,65 @@ impl Rounds {
     /// not visit best: what else a joint does there looks like its waves, and makes them swing where nothing holds them. How uncertain they are
     /// stays as it was: where nothing was visited, the joint may be off by as much as the likelihood says.
     pub(crate) fn shrink_curves(&mut self) -> Result<()> {
-        let curves: Vec<usize> = self.chosen.iter().copied().filter(|c| self.candidates[*c].is_long_curve()).collect();
-        if curves.is_empty() {
+        let members = self.members(&self.chosen);
+        let joints: Vec<usize> =
+            members.iter().filter(|c| c.is_long_curve()).filter_map(|c| c.site.joint()).take(CURVES_ASKED).collect();
+        if joints.is_empty() {
             return Ok(());
         }
-        let folds = Folds::of(&self.kept);
-        let joints = curves.iter().filter_map(|c| self.candidates[*c].site.joint());
-        let angles: Vec<Folds> = joints.take(CURVES_ASKED).map(|joint| folds.by_angle(&self.kept, joint - 1)).collect();
-        let shrink = |c: &mut Candidate, share: f64| c.scales.iter_mut().for_each(|s| *s *= share);
-        let error = |share: f64| -> Result<f64> {
-            let mut members = self.members(&self.chosen);
-            members.iter_mut().filter(|c| c.is_long_curve()).for_each(|c| shrink(c, share));
+        let best = {
             let design = self.design_at(&self.fitted.model, &members, &[], CorrelatedNoise::WHITE)?;
             let all: Vec<usize> = (0..members.len()).collect();
-            let unseen = |own: &Folds| {
-                let part_of = |pose: usize| own.block_of(pose) % FOLDS;
-                let parts = Partition::new(&design, &all, FOLDS, &part_of)?;
-                Some(ErrorSummary::of(&parts.position_errors(&parts.instead(&[], None), None)).mean_mm)
+            let folds = Folds::of(&self.kept);
+            let parts = |joint: &usize| {
+                let own = folds.by_angle(&self.kept, joint - 1);
+                Partition::unfitted(&design, &all, FOLDS, &|pose| own.block_of(pose) % FOLDS)
             };
-            Ok(angles.iter().map(|own| unseen(own).unwrap_or(f64::INFINITY)).sum())
-        };
-        let mut best = (1.0, f64::INFINITY);
-        for share in CURVE_SHARES {
-            let new = error(share)?;
-            if new >= best.1 {
-                break;
+            let parts: Vec<Partition<'_>> = joints.iter().filter_map(parts).collect();
+            let error = |share: f64| -> f64 {
+                let factor = |c: usize| if members[c].is_long_curve() { share } else { 1.0 };
+                let unseen = |own: &Partition<'_>| {
+                    let left = own.with_priors(&factor);
+                    let failed = left.iter().any(|r| r.is_infinite());
+                    if failed { f64::INFINITY } else { ErrorSummary::of(&own.position_errors(&left, None)).mean_mm }
+                };
+                parts.iter().map(unseen).sum()
+            };
+            let mut best = (1.0, f64::INFINITY);
+            for share in CURVE_SHARES {
+                let new = error(share);
+                if new >= best.1 {
+                    break;
+                }
+                best = (share, new);
             }
-            best = (share, new);
+            best.0
+        };
+        self.curve_share = best;
+        self.refit_shrunk();
+        Ok(())
+    }
+
+    /// The exact fit with the waves of curves as small as foretells best: values are its, uncertainties those of the fit before. Where it does
+    /// not follow, the values stay as well.
+    pub(super) fn refit_shrunk(&mut self) {
+        if self.curve_share == 1.0 {
+            return;
         }
-        if best.0 == 1.0 {
-            return Ok(());
+        let (wide, known, candidates) = (self.fitted.clone(), self.known.clone(), self.candidates.clone());
+        for c in self.candidates.iter_mut().filter(|c| c.is_long_curve()) {
+            c.scales.iter_mut().for_each(|s| *s *= self.curve_share);
         }
-        let (wide, known, before) = (self.fitted.clone(), self.known.clone(), self.members(&curves));
-        curves.iter().for_each(|c| shrink(&mut self.candidates[*c], best.0));
-        // where the exact fit does not follow, the values stay too
         let followed = self.refit().is_ok();
+        let effective = self.effective_parameters();
         let lean = std::mem::replace(&mut self.fitted, wide);
-        self.known = known;
-        for (c, before) in curves.into_iter().zip(before) {
-            self.candidates[c] = before;
-        }
+        (self.known, self.candidates) = (known, candidates);
         if followed {
+            self.determined = Some(effective);
             for (t, lean) in self.fitted.model.terms.iter_mut().zip(lean.model.terms) {
                 t.value = lean.value;
             }
         }
-        Ok(())
     }
 
     /// Drops what does not pay at blocks of poses that the fit did not see, in the last quarter of the sessions, foreseen by what came before,
@@ -321,12 +334,13 @@ mod tests {
             rounds.chosen = vec![rounds.candidates.len()];
             rounds.candidates.push(curve);
             rounds.refit().unwrap();
-            let before = waves(&rounds);
+            let before = (waves(&rounds), rounds.effective_parameters());
             rounds.shrink_curves().unwrap();
-            (before, waves(&rounds))
+            (before, (waves(&rounds), rounds.effective_parameters()))
         };
         let size = |waves: &[(f64, Option<f64>)]| waves.iter().map(|w| w.0.powi(2)).sum::<f64>();
-        let (before, after) = fitted(100.0);
+        let ((before, many), (after, fewer)) = fitted(100.0);
+        assert!(fewer < many, "{many} {fewer}");
         assert!(size(&after) < size(&before), "{} {}", size(&before), size(&after));
         assert!(before.iter().zip(&after).all(|(a, b)| a.1 == b.1));
         let (before, after) = fitted(0.1);

@@ -61,7 +61,8 @@ def expected(truth: dict, case: dict) -> dict[str, float] | None:
         return {f"coupling_{j}_from_{site['from']}": p["k"]}
     if what == "axis_twist":
         return {f"beta_{j - 1}": p["beta"] / DEG}
-    if what == "cross_axis_compliance":
+    # on a real arm its moment is that of a load nobody knows, too
+    if what == "cross_axis_compliance" and "background" not in case:
         return {"cross_": p["k"] / DEG}
     if what == "joint_zero_shift":
         return {f"zero_shift_{j}": p["size"] / DEG}

@@ -153,12 +153,24 @@ def session_of(finding: dict) -> int | None:
     return finding.get("session") or finding["site"].get("session")
 
 
-def without(case: Case) -> dict[str, list[dict]]:
+def answers_without(case: Case) -> dict[str, dict]:
     """What is said of recordings of the same arm without the addition, by background."""
     name = case.truth.get("background", "")
     files = (case.where / "without").glob(f"{name.split('.')[0]}*.json") if name else []
     answers = {p.stem: json.loads(p.read_text())["answer"] for p in files}
-    return {k: a["findings"] for k, a in answers.items() if a}
+    return {k: a for k, a in answers.items() if a}
+
+
+def without(case: Case) -> dict[str, list[dict]]:
+    """What is named there."""
+    return {k: a["findings"] for k, a in answers_without(case).items()}
+
+
+def nameless_without(case: Case) -> list[dict]:
+    """Places at which something without a name is said to be there."""
+    answers = answers_without(case).values()
+    told = [u for a in answers for u in [a.get("unexplained"), *a.get("more_unexplained", [])] if u]
+    return [place(u["site"]) for u in told if u.get("site")]
 
 
 def judged(right: bool, open_question: bool, said: bool = False) -> int | None:
@@ -171,6 +183,7 @@ def told(case: Case, said: dict[str, list[dict]] | None = None) -> list[dict]:
     said = without(case) if said is None else said
     was, out = said.get(case.truth.get("background"), []), []
     arms = [b for findings in said.values() for b in findings]
+    nameless = nameless_without(case)
     left = list(case.effects)
     total = sum(f["lambda"] ** 2 for f in case.findings) or 1.0
     for f in case.findings:
@@ -220,7 +233,9 @@ def told(case: Case, said: dict[str, list[dict]] | None = None) -> list[dict]:
                 "size_3sd": size[0] if size and exact else None,
                 "size_20": size[1] if size and exact else None,
                 "right": judged(exact is not None, open_question),
-                "place_right": judged(bool(exact or here), open_question, bool(known_here)),
+                "place_right": judged(
+                    bool(exact or here), open_question, bool(known_here) or place(f["site"]) in nameless
+                ),
                 "family_right": judged(bool(exact or kin), open_question, known_kin),
             }
         )

@@ -290,7 +290,7 @@ fn change_points(data: &Dataset, order: Variable, count: usize) -> Vec<f64> {
 }
 
 /// Standard deviation of the readings of one indicator, m.
-fn reading_spread(data: &Dataset, axis: usize) -> f64 {
+pub(crate) fn reading_spread(data: &Dataset, axis: usize) -> f64 {
     let v: Vec<f64> = data
         .observations
         .iter()

@@ -18,12 +18,12 @@ use trical_ident::known::Known;
 use trical_ident::sample::sample_poses;
 use trical_ident::solver::LmParams;
 use trical_model::interrupt::checkpoint;
-use trical_model::{Basis, Cell, Forward, Measured, Model, Place, Robot, Site, Task, Term};
+use trical_model::{Axis, Basis, Cell, Forward, Measured, Model, Place, Robot, Site, Task, Term, Variable};
 
 use crate::candidate::Candidate;
 use crate::catalogue::{Untestable, catalogue, device_orientation, reading_noise};
 use crate::correlated_noise::CorrelatedNoise;
-use crate::covariates::{Covariates, gives_way};
+use crate::covariates::{Covariates, gives_way, reading_spread};
 use crate::effect_id::{Cause, EffectId};
 use crate::halves::Halves;
 use crate::linear::{Design, Fitted};
@@ -32,8 +32,8 @@ use crate::options::Options;
 use crate::refine::finer;
 use crate::selection::Search;
 use crate::settings::{
-    CONSIDERABLE_SHARE, EVIDENCE_NATS, GROSS_ERROR_SIGMAS, LACK_OF_FIT_P, MOST_ROUNDS, NOISE_ALTERNATIONS, ROWS_ALIKE,
-    RUN_POSES, SEARCHED_POSES, SETTLED_AMONG_FEW, SETTLED_SHARE,
+    CONSIDERABLE_SHARE, EVIDENCE_NATS, GROSS_ERROR_SIGMAS, LACK_OF_FIT_P, MOST_ROUNDS, NOISE_ALTERNATIONS,
+    READING_SPREAD, ROWS_ALIKE, RUN_POSES, SEARCHED_POSES, SETTLED_AMONG_FEW, SETTLED_SHARE,
 };
 use crate::specification_test::{Probes, SpecificationTest, probes};
 use crate::{periodogram, rejection};
@@ -77,6 +77,8 @@ pub(crate) struct Rounds {
     /// How the noise is correlated, beside what was chosen.
     pub(crate) correlation: CorrelatedNoise,
     pub(crate) untestable: Vec<Untestable>,
+    /// Whether each reading spreads beyond the noise, so far as the fit tells.
+    spread: [bool; 3],
     /// Terms about the readings' own noise, and which of them are in the baseline.
     nuisances: Vec<Candidate>,
     fitted_nuisances: Vec<bool>,
@@ -130,7 +132,8 @@ impl Rounds {
         let known = fitted.known.clone();
         let params = LmParams { huber: manner(&fitted.model, &all).1.huber, ..LmParams::WITHIN_NOISE };
         let sigma = touch_sigma(&fitted);
-        let nuisances = reading_noise(&Covariates::new(&fitted.model, &all, sigma));
+        let recorded = Covariates::new(&fitted.model, &all, sigma);
+        let (spread, nuisances) = (recorded.spread, reading_noise(&recorded));
         let mut rounds = Self {
             kept: all.clone(),
             all,
@@ -149,6 +152,7 @@ impl Rounds {
             determined: None,
             correlation: CorrelatedNoise::WHITE,
             untestable: Vec::new(),
+            spread,
             fitted_nuisances: vec![false; nuisances.len()],
             nuisances,
             fitted,
@@ -185,6 +189,45 @@ impl Rounds {
         }
     }
 
+    /// Readings that looked nulled beside what the baseline left may spread far beyond the noise: then their gains are asked for, and how the
+    /// device is turned, and what is read is no noise. Whether the baseline became another one.
+    fn ask_readings(&mut self) -> Result<bool> {
+        let (sigma, bare) = (self.touch_sigma(), self.bare());
+        let mut recorded = Covariates::new(&bare, &self.all, sigma);
+        for axis in Axis::ALL {
+            let of = Variable::Reading { axis };
+            let taken = bare.terms.iter().find(|t| t.basis.of == of && t.effect == Cause::ReadingNoise.name());
+            let share = taken.map_or(0.0, |t| -t.value);
+            recorded.spread[axis.index()] &= !may_be_noise(share, reading_spread(&self.all, axis.index()), sigma);
+        }
+        if !recorded.spread.iter().zip(self.spread).any(|(now, before)| *now && !before) {
+            return Ok(false);
+        }
+        recorded.nulled = false;
+        self.spread = recorded.spread;
+        let mut of_sessions = Covariates::of_sessions(&bare, &self.all, sigma);
+        of_sessions.iter_mut().for_each(|(_, own)| own.spread = recorded.spread);
+        let (candidates, untestable) = catalogue(&recorded, &of_sessions);
+        self.untestable = untestable;
+        self.add(candidates.into_iter().filter(|c| !c.is_long_curve()).collect());
+        let known = |t: &Term| bare.terms.iter().any(|o| o.does_as(t));
+        let turned = device_orientation(&recorded).filter(|t| !known(t));
+        let is_noise = |t: &Term| t.effect == Cause::ReadingNoise.name();
+        let changed = turned.is_some() || bare.terms.iter().any(is_noise);
+        for k in (0..self.baseline_terms).rev().filter(|k| is_noise(&bare.terms[*k])) {
+            self.fitted.model.terms.remove(k);
+            self.known.remove(k);
+            self.baseline_terms -= 1;
+        }
+        let fitted = std::mem::take(&mut self.fitted_nuisances);
+        let others = std::mem::take(&mut self.nuisances).into_iter().zip(fitted);
+        (self.nuisances, self.fitted_nuisances) = others.filter(|(n, _)| n.cause != Cause::ReadingNoise).unzip();
+        if changed {
+            self.add_to_baseline(turned.into_iter().collect())?;
+        }
+        Ok(changed)
+    }
+
     /// Rounds of search and exact refit until the choice stays as it is. What was chosen is where the next round linearizes, so that
     /// two choices may each lead to the other: then the likelier one is taken. Between a first and a last round among all candidates
     /// only those are searched that were of use, or nearly, in the round among all before (as a working set's). `anew`: effects are also
@@ -214,7 +257,7 @@ impl Rounds {
             }
             self.resize();
             // with the effects out of the way the readings' noise may show
-            if self.fit_reading_noise()? {
+            if self.ask_readings()? | self.fit_reading_noise()? {
                 rounds.clear();
                 self.idle.clear();
                 continue;
@@ -669,6 +712,14 @@ impl Rounds {
 pub(crate) fn is_parameter_of_arm(t: &Term) -> bool {
     let of_readings = [Cause::ReadingNoise.name(), Cause::JointReadingNoise.name()].contains(&t.effect.as_str());
     !matches!(t.site, Site::Frame { .. } | Site::Target { .. }) && t.effect != "place" && !of_readings
+}
+
+/// Whether a reading that spreads by `spread` (m), of which the fit took `share` for noise, may be noise beside what is left, `sigma`. The share of a
+/// reading's variance that is noise is the best one to take, and leaves the rest of that noise in the residual: a gauge that reads too much has the
+/// share without the rest.
+fn may_be_noise(share: f64, spread: f64, sigma: f64) -> bool {
+    let left = (share * (1.0 - share)).max(0.0).sqrt() * spread;
+    share > READING_SPREAD.powi(-2) && left < 2.0 * sigma
 }
 
 /// Standard deviation of a touch's scalar residual, m; that of any other measurement where there are no touches.

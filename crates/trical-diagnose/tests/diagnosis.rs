@@ -78,6 +78,37 @@ fn the_noise_of_nulled_readings_is_no_gain_error() {
     assert!(d.blind_to.iter().any(|b| b.effect == EffectId::IndicatorGain && b.lacks.is_some()));
 }
 
+#[test]
+fn a_gain_shows_beside_errors_of_the_arm_that_are_as_large_as_the_readings() {
+    // readings spread by 0.2 mm; the arm's backlash is as large, so that they look nulled until it is found
+    let model = truth(ParameterSet::Compliance, 40);
+    let mut recording = touch(&model, 200, 0.0, 43);
+    let mut real = model.clone();
+    let gap = Term::new("hidden", "hidden", Site::Joint { joint: 2 }, Basis::direction(2));
+    real.terms.push(Term { value: -1e-3, ..gap });
+    let forward = Forward::new(real.clone(), Vec::new()).unwrap();
+    let mut ws = forward.workspace();
+    let mut rng = Pcg64Mcg::seed_from_u64(44);
+    let normal =
+        |sd: f64, rng: &mut Pcg64Mcg| rand_distr::Distribution::sample(&rand_distr::Normal::new(0.0, sd).unwrap(), rng);
+    for row in &mut recording.rows {
+        let Measured::Touch { ball, reading } = &mut row.measured else { continue };
+        row.state.dir = Some(std::array::from_fn(|_| if normal(1.0, &mut rng) > 0.0 { 1 } else { -1 }));
+        let pose = forward.world_from_tool(&row.state, &mut ws);
+        let off = nalgebra::Vector3::from_fn(|_, _| normal(2e-4, &mut rng));
+        let near = Pose { rotation: pose.rotation, translation: real.cell.balls[*ball] + off };
+        row.state.q = trical_model::ik::continue_from(&forward, &near, &row.state, &mut ws).unwrap();
+        let pose = forward.world_from_tool(&row.state, &mut ws);
+        let y = pose.rotation.transpose() * (real.cell.balls[*ball] - pose.translation);
+        *reading = [y.x / 1.08, y.y, y.z].map(|y| y + normal(8e-6, &mut rng));
+    }
+    let d = diagnose(&model.robot, &model.cell, &build(recording), &Options::default(), &Task::silent()).unwrap();
+    let named: Vec<EffectId> = d.findings.iter().map(|f| f.effect).collect();
+    assert_eq!(named, [EffectId::LostMotionDirection, EffectId::IndicatorGain]);
+    assert!((d.findings[1].coefficients[0].value - 0.08).abs() < 0.01, "{:?}", d.findings[1].coefficients);
+    assert!(d.baseline.reading_noise.is_empty(), "{:?}", d.baseline.reading_noise);
+}
+
 /// Three targets on the hand of an arm that stands on a rail of 6 m, seen by a tracker at 200 places.
 fn on_rail(bend: f64, turn: f64) -> (Model, trical_ident::Dataset) {
     use rand::RngExt;

@@ -64,6 +64,9 @@ impl Reader<'_> {
             return self.on_external_axis();
         }
         let name = lower(word);
+        if self.key(word, self.c.at) != hashed(word) {
+            return self.of_routine(&name);
+        }
         if self.c.eat_in_line(b'[') {
             let index = self.c.until(b"]\n\r");
             self.c.at += index.len();
@@ -85,6 +88,17 @@ impl Reader<'_> {
     fn calculated(&mut self, name: String) -> String {
         self.scan.frames.tools.insert(name.clone(), Err(calculated(&name)));
         self.scan.frames.frames.insert(name.clone(), Err(calculated(&name)));
+        name
+    }
+
+    /// A tool or base that is an argument of its routine.
+    fn of_routine(&mut self, name: &str) -> String {
+        let why = format!(
+            "the tool or base '{name}' is an argument of its routine, and which one the calls give is not followed"
+        );
+        let name = format!("{name} (an argument)");
+        self.scan.frames.tools.insert(name.clone(), Err(why.clone()));
+        self.scan.frames.frames.insert(name.clone(), Err(why));
         name
     }
 
@@ -191,7 +205,7 @@ impl Reader<'_> {
     /// Whether a name stands for a frame, to which no motion goes.
     pub(super) fn is_frame(&self, word: &[u8]) -> bool {
         !self.named.frames.is_empty() && {
-            let name = hashed(word);
+            let name = self.key(word, self.c.at);
             self.named.frames.contains(&name) && !self.named.moved_to.contains(&name)
         }
     }

@@ -392,7 +392,7 @@ impl<'a> Reader<'a> {
             self.scan.loads.push(from);
         } else if is("$IPO_MODE") {
             self.interpolation();
-        } else if self.c.peek() == b'{' {
+        } else if self.c.peek() == b'{' || is_one_of(word, &ELEMENTS) && self.c.until(b";\n\r").contains(&b':') {
             self.assigned(from, word, index);
         } else if self.named.moved_to.contains(&self.key(word, from)) {
             let source = self.c.word();
@@ -433,7 +433,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Whether `[1].X=...`, `[N]={...}` or `[1]=NAME` follows, and not numbers for an element that is known.
+    /// Whether `[1].X=...`, `[N]={...}` or `[1]=NAME` follows, and not numbers, or a product of frames, for an element that is known.
     fn changes_element(&self) -> bool {
         let text = self.c.until(b";\n\r");
         let close = text.iter().position(|b| *b == b']').unwrap_or(0);
@@ -442,7 +442,8 @@ impl<'a> Reader<'a> {
         let (part, value) = (behind[..equals].trim_ascii_end(), behind[equals + 1..].trim_ascii_start());
         let is_comparison = value.starts_with(b"=") || part.iter().any(|b| b"<>".contains(b));
         let is_calculated = index.iter().any(|b| b.is_ascii_alphabetic() || b"+-*/".contains(b));
-        let is_known = part == b"]" && value.starts_with(b"{") && !is_calculated;
+        let is_product = value.contains(&b':');
+        let is_known = part == b"]" && (value.starts_with(b"{") || is_product) && !is_calculated;
         !is_comparison && !is_known
     }
 

@@ -21,7 +21,7 @@ const JOINTS: [&[u8]; 9] = [b"J1", b"J2", b"J3", b"J4", b"J5", b"J6", b"J7", b"J
 
 /// What is wrong with positions for two arms.
 const ANOTHER_ARM: &str =
-    "has a pose of another motion group (GP2, a second arm), as others may; those stay as they are";
+    "has a pose of another arm too (GP2 or higher), which stays as it is; only the first such position is named";
 
 /// Where the mark goes: a remark at the beginning of `/MN`. \[I\] A loader counts the lines itself.
 #[must_use]

@@ -25,7 +25,7 @@ pub(super) const FANUC: &[Case] = &[
         "a second arm and a positioner",
         "/PROG A\n/MN\n   1:L P[1] 100mm/sec FINE ;\n   2:L P[2] 100mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n GP2:\n\tUF : 0, UT : 0,\n\tJ1= 5.000 deg\n};\nP[2]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@1\n GP2:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@1\n};\n/END\n",
         &[9, 17],
-        &[(14, "another motion group")],
+        &[(14, "another arm too")],
     ),
     case(
         "lines without numbers",

@@ -77,7 +77,11 @@ def test_what_cannot_be_converted(touches: Path, tmp_path: Path) -> None:
 def test_nothing_is_written_over_what_is_read(model: trical.Model, touches: Path, tmp_path: Path) -> None:
     model.save(tmp_path / "m.toml")
     model.save_urdf(tmp_path / "arm.urdf")
-    kept = {p: p.read_bytes() for p in (touches, tmp_path / "m.toml", tmp_path / "arm.urdf")}
+    (tmp_path / "p.csv").write_text("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n10,20,10,5,60,-7\n")
+    own = {kind: tmp_path / f"{kind}.toml" for kind in FILES}
+    for kind, path in own.items():
+        path.write_bytes(FILES[kind].read_bytes())
+    kept = {p: p.read_bytes() for p in (touches, tmp_path / "m.toml", tmp_path / "arm.urdf", *own.values())}
     map_ = tmp_path / "map.csv"
     for call, said in (
         (lambda: trical.convert(touches, tmp_path / "." / "points.csv"), "is read, too, and would be replaced"),
@@ -86,6 +90,8 @@ def test_nothing_is_written_over_what_is_read(model: trical.Model, touches: Path
         (lambda: trical.export(model, mdh=map_, error_map=map_), "error_map: found .*, which mdh names, too"),
         (lambda: trical.export(model, error_map=touches), "is a recording, and would be replaced"),
         (lambda: trical.compensate(tmp_path / "m.toml", model, tmp_path / "m.toml", **FILES), "is read, too"),
+        (lambda: trical.compensate(tmp_path / "p.csv", model, own["cell"], **own), "is read, too"),
+        (lambda: trical.compensate(tmp_path / "p.csv", model, own["robot"], **own), "is read, too"),
     ):
         with pytest.raises(trical.TricalError, match=said):
             call()

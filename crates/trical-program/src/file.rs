@@ -15,7 +15,7 @@ use crate::error::ProgramError;
 use crate::frames::Frames;
 use crate::modules::Modules;
 use crate::options::Options;
-use crate::report::{Report, summarized};
+use crate::report::{Report, listed, summarized};
 use crate::rewriting::{Part, Program, compensate_together};
 use crate::scan::hashed;
 
@@ -99,6 +99,7 @@ impl Job<'_> {
         };
         let program = Program { bytes: &bytes, parts: &mut parts, dialect, elsewhere };
         let mut report = compensate_together(program, nominal, model, &frames, options)?;
+        report.cautions.extend(beside.unread());
         read_with.extend(beside.read.into_inner());
         if dialect == Dialect::Rapid {
             read_with.extend(modules.used());
@@ -212,27 +213,31 @@ fn of_controller(program: &Path, name: &str) -> Option<PathBuf> {
 const MOST_FILES: usize = 500;
 const LARGEST_FILE: u64 = 16 << 20;
 
-/// The GLOBAL routines of the controller's files, by their hashed names: the nearest of each.
-fn globals(program: &Path) -> HashMap<u64, PathBuf> {
-    let Ok(whole) = program.canonicalize() else { return HashMap::new() };
+/// The GLOBAL routines of the controller's files, by their hashed names: the nearest of each; and files that are not read.
+fn globals(program: &Path) -> (HashMap<u64, PathBuf>, Vec<String>) {
+    let (mut found, mut unread) = (HashMap::new(), Vec::new());
+    let Ok(whole) = program.canonicalize() else { return (found, unread) };
     let is_source = |p: &PathBuf| {
         let extension = p.extension().unwrap_or_default();
         let is_one = extension.eq_ignore_ascii_case("src") || extension.eq_ignore_ascii_case("sub");
-        is_one && *p != whole && p.metadata().is_ok_and(|m| m.is_file() && m.len() <= LARGEST_FILE)
+        is_one && *p != whole && p.is_file()
     };
-    let mut found = HashMap::new();
     let sources = places(&whole).flat_map(|place| {
         let mut files: Vec<PathBuf> =
             std::fs::read_dir(place).into_iter().flatten().flatten().map(|e| e.path()).filter(is_source).collect();
         files.sort_unstable();
         files
     });
-    for path in sources.take(MOST_FILES) {
-        for name in krl::globals(&std::fs::read(&path).unwrap_or_default()) {
-            found.entry(name).or_insert_with(|| path.clone());
+    for (number, path) in sources.enumerate() {
+        let is_small = number < MOST_FILES && path.metadata().is_ok_and(|m| m.len() <= LARGEST_FILE);
+        match is_small.then(|| std::fs::read(&path).ok()).flatten() {
+            Some(bytes) => krl::globals(&bytes).into_iter().for_each(|name| {
+                found.entry(name).or_insert_with(|| path.clone());
+            }),
+            None => unread.push(path.file_name().unwrap_or_default().to_string_lossy().into_owned()),
         }
     }
-    found
+    (found, unread)
 }
 
 /// What is called so in a folder, without regard to case.
@@ -251,7 +256,7 @@ struct Beside<'a> {
     /// Files.
     read: RefCell<Vec<String>>,
     /// Files of GLOBAL routines.
-    global: OnceCell<HashMap<u64, PathBuf>>,
+    global: OnceCell<(HashMap<u64, PathBuf>, Vec<String>)>,
 }
 
 impl<'a> Beside<'a> {
@@ -259,9 +264,21 @@ impl<'a> Beside<'a> {
         Self { program, known: RefCell::default(), read: RefCell::default(), global: OnceCell::new() }
     }
 
+    /// Files in which a routine was looked for and that were not read, in one sentence.
+    fn unread(&self) -> Option<String> {
+        let (_, unread) = self.global.get()?;
+        (!unread.is_empty()).then(|| {
+            format!(
+                "not read beside the program (larger than {} MiB, beyond the first {MOST_FILES} files, or not readable): {}; their GLOBAL routines are not known",
+                LARGEST_FILE >> 20,
+                listed(unread.iter().cloned())
+            )
+        })
+    }
+
     /// The file that has this routine as a GLOBAL one, whatever the file's own name is.
     fn global(&self, name: &str) -> Option<PathBuf> {
-        self.global.get_or_init(|| globals(self.program)).get(&hashed(name.as_bytes())).cloned()
+        self.global.get_or_init(|| globals(self.program)).0.get(&hashed(name.as_bytes())).cloned()
     }
 
     /// What the routine of this name does; what its file sets counts as set by it.

@@ -23,7 +23,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`dialects`] | the table of dialects, and a reader for each |
-//! | [`scan`], [`names`] | what they find; names followed to targets |
+//! | [`scan`], [`names`], [`scopes`] | what they find; names followed to targets; names that routines have for themselves |
 //! | [`literal`] | numbers as poses and joint values, both ways |
 //! | [`text`], [`expression`] | bytes, numbers, lines; constant expressions |
 //! | [`flow`] | which of them routines, branches and loops leave |
@@ -50,6 +50,7 @@ pub mod options;
 pub mod report;
 pub mod rewriting;
 pub mod scan;
+pub mod scopes;
 pub mod text;
 
 pub use dialects::{Dialect, MARK};

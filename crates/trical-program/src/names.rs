@@ -1,5 +1,6 @@
 //! Which names stand for which targets, and how motions use them.
 
+use std::cmp::Ordering;
 use std::collections::{HashMap, HashSet};
 
 use nalgebra::Vector3;
@@ -44,8 +45,8 @@ pub enum Origin {
     Perhaps(u32),
 }
 
-/// Places in the program that set the same name and are looked at, at most.
-const MOST_ORIGINS: usize = 200;
+/// Places in the program that set the same name and are looked at, at most; of one that is set at more, nobody knows from what.
+const MOST_ORIGINS: usize = 10_000;
 /// Names that are followed from one motion, at most.
 const MOST_NAMES: usize = 50;
 
@@ -56,6 +57,12 @@ pub struct Names {
     groups: Vec<Group>,
     uses: Vec<Use>,
     origins: HashMap<u64, Vec<Origin>>,
+    /// Names with others that they are set from.
+    copies: HashSet<(u64, u64)>,
+    /// Names whose calculations, or sources, were listed.
+    settled: HashSet<(u64, bool)>,
+    /// What was found of names without data, by the setups of the motions that go there.
+    followed: HashMap<(u64, u32), Option<bool>>,
     /// Names whose data are in `Scan::problems` already.
     listed: HashSet<u64>,
     /// Names of data that look like targets and are none, unless a motion goes there.
@@ -138,10 +145,14 @@ impl Names {
     /// The program sets the data of this name.
     pub fn set_from(&mut self, name: u64, origin: Origin) {
         let all = self.origins.entry(name).or_default();
-        let again =
-            |o: &Origin| matches!((o, origin), (Origin::Name { name: a, .. }, Origin::Name { name: b, .. }) if *a == b);
-        if all.len() < MOST_ORIGINS && !all.iter().any(again) {
-            all.push(origin);
+        let is_new = match origin {
+            Origin::Name { name: from, .. } => self.copies.insert((name, from)),
+            _ => true,
+        };
+        match (all.len().cmp(&MOST_ORIGINS), origin) {
+            (Ordering::Less, _) if is_new => all.push(origin),
+            (Ordering::Equal, Origin::Name { at, .. }) if is_new => all.push(Origin::Computed(at)),
+            _ => {}
         }
     }
 
@@ -347,7 +358,12 @@ impl Names {
     /// A motion to a name that this file does not define.
     fn goes_to_undefined(&mut self, name: u64, setup: u32, at: u32, scan: &mut Scan, problem: &dyn Fn() -> String) {
         let listed = scan.problems.len();
-        if self.origin(name, setup, scan, &mut Vec::new()) != Some(true) {
+        let found = match self.followed.get(&(name, setup)) {
+            Some(found) => *found,
+            None => self.origin(name, setup, scan, &mut Vec::new()),
+        };
+        self.followed.insert((name, setup), found);
+        if found != Some(true) {
             scan.problem(at as usize, problem());
         } else if scan.problems.len() == listed && !self.listed.contains(&name) {
             scan.relative.push(at);
@@ -429,6 +445,9 @@ impl Names {
 
     /// Lists, once, where a target that has numbers is set from what has none; what is set from itself is relative to it.
     fn sources(&mut self, name: u64, setup: u32, scan: &mut Scan, seen: &mut Vec<(u64, bool)>) {
+        if !self.settled.insert((name, true)) {
+            return;
+        }
         let before = seen.len();
         seen.push((name, true));
         for origin in self.origins.get(&name).cloned().unwrap_or_default() {
@@ -448,6 +467,9 @@ impl Names {
 
     /// Lists, once, where a name to which the arm moves is calculated.
     fn computed(&mut self, name: u64, scan: &mut Scan) {
+        if !self.settled.insert((name, false)) {
+            return;
+        }
         for origin in self.origins.get(&name).into_iter().flatten() {
             let (at, what) = match origin {
                 Origin::Computed(at) => {

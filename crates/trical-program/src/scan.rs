@@ -167,6 +167,8 @@ pub struct Scan {
     pub relative: Vec<u32>,
     /// Of joint values in columns: which joints are given in mm; empty where the program's language says no unit.
     pub in_mm: Vec<bool>,
+    /// Of numbers in columns: how many of the shape's units (mm, deg) one of the column's is; empty where they are the same.
+    pub scales: Vec<f64>,
     /// Where the program says what the arm carries beside its tools (`GripLoad`, `set_payload`), which is not read.
     pub loads: Vec<usize>,
     /// Tools and frames that the program declares.
@@ -233,6 +235,12 @@ impl Scan {
             Some(value) if !self.expressions.is_empty() => Some(*value),
             _ => span.value(bytes),
         }
+    }
+
+    /// How many of its shape's units one unit of number `k` of a target is.
+    #[must_use]
+    pub fn scale(&self, k: usize) -> f64 {
+        self.scales.get(k).copied().unwrap_or(1.0)
     }
 
     /// Takes targets away that turned out to be none (`gone` by index), and their visits.

@@ -66,8 +66,9 @@ pub fn _compensate(
     own_base: bool,
 ) -> Result<String> {
     if let Some(out) = &out {
-        let read = [Some(&program), path.as_ref()].into_iter().flatten().chain(&frames);
-        check(output::check_no_recording(out, read.map(PathBuf::as_path)))?;
+        let machine = [robot.file(), cell.file()];
+        let read = [Some(&program), path.as_ref()].into_iter().chain(machine.iter().map(Option::as_ref));
+        check(output::check_no_recording(out, read.flatten().chain(&frames).map(PathBuf::as_path)))?;
     }
     within("temp_c", temp_c, -100.0, 200.0)?;
     within("payload_kg", payload_kg, 0.0, 1e4)?;

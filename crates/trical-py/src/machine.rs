@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
+use trical_model::urdf::UrdfPath;
 use trical_model::{Cell, JointKind, Robot};
 use trical_plan::geometry::mesh::resolve_meshes;
 
@@ -180,6 +181,12 @@ impl RobotArgument {
             Self::Path(path) => Ok(Robot::load(path)?),
         }
     }
+
+    /// Its file, without the links that are named behind a `#`.
+    pub fn file(&self) -> Option<PathBuf> {
+        let Self::Path(path) = self else { return None };
+        Some(UrdfPath::of(path).map_or_else(|| path.clone(), |urdf| urdf.path))
+    }
 }
 
 /// A cell, or the file that it is in.
@@ -198,6 +205,11 @@ impl CellArgument {
             Self::Object(cell) => Ok(cell.get().0.clone()),
             Self::Path(path) => load_cell(path),
         }
+    }
+
+    /// Its file.
+    pub fn file(&self) -> Option<PathBuf> {
+        if let Self::Path(path) = self { Some(path.clone()) } else { None }
     }
 }
 

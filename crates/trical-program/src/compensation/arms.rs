@@ -287,8 +287,9 @@ impl<'a> Compensator<'a> {
             return Err(format!("has {} joint values, and the robot has {} joints", spans.len(), self.dof));
         }
         let mut values = [0.0; MOST];
-        for (to, span) in values.iter_mut().zip(spans).take(count) {
-            *to = self.scan.value(*span, self.bytes).ok_or("holds something that is not a number")?;
+        for (k, (to, span)) in values.iter_mut().zip(spans).enumerate().take(count) {
+            *to =
+                self.scan.value(*span, self.bytes).ok_or("holds something that is not a number")? * self.scan.scale(k);
         }
         Ok((values, spot.shape.meant(&values[..count], &self.slides)?))
     }

@@ -128,8 +128,10 @@ impl Compensator<'_> {
         let mut read_back = *values;
         for (k, (new, span)) in numbers.iter().zip(spans).enumerate().take(count) {
             let Some(x) = new else { continue };
-            let text = written(*x, span.text(self.bytes), spot.shape.decimals(k));
-            read_back[k] = text.parse().unwrap_or(*x);
+            let scale = self.scan.scale(k);
+            let digits = spot.shape.decimals(k) + scale.log10().ceil() as usize;
+            let text = written(*x / scale, span.text(self.bytes), digits);
+            read_back[k] = text.parse().map_or(*x, |read: f64| read * scale);
             edits.push((*span, text));
         }
         if !self.scan.configuration_off && !self.options.configuration_off {

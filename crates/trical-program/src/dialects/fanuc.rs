@@ -19,6 +19,10 @@ use crate::text::{Cursor, Span, lower};
 const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"W", b"P", b"R"];
 const JOINTS: [&[u8]; 9] = [b"J1", b"J2", b"J3", b"J4", b"J5", b"J6", b"J7", b"J8", b"J9"];
 
+/// What is wrong with positions for two arms.
+const ANOTHER_ARM: &str =
+    "has a pose of another arm too (GP2 or higher), which stays as it is; only the first such position is named";
+
 /// Where the mark goes: a remark at the beginning of `/MN`. \[I\] A loader counts the lines itself.
 #[must_use]
 pub fn header(bytes: &[u8]) -> usize {
@@ -125,6 +129,8 @@ struct Fields<'a> {
     frame: Option<String>,
     /// Whether a value is `***`.
     untaught: bool,
+    /// Whether another motion group is at a pose: a second arm.
+    another_arm: bool,
     problem: Option<String>,
 }
 
@@ -148,6 +154,8 @@ impl<'a> Fields<'a> {
                 c.skip_space();
                 if group == 1 {
                     found.value(word, c);
+                } else {
+                    found.another_arm |= word == b"X";
                 }
             }
         }
@@ -215,6 +223,10 @@ fn position(
     let name = Span::new(from, c.at.min(from + 40));
     let hash = hashed(number.text(c.bytes));
     let mut found = Fields::read(c);
+    // told once
+    if found.another_arm && !scan.problems.iter().any(|(_, what)| what == ANOTHER_ARM) {
+        scan.problem(from, ANOTHER_ARM);
+    }
     let setup = Setup { tool: found.numbered(true, &active[0]), frame: found.numbered(false, &active[1]) };
     let pose: Option<Vec<Span>> = POSE.iter().map(|n| found.number(n)).collect();
     let joints: Vec<Span> = JOINTS.iter().map_while(|n| found.number(n)).collect();
@@ -390,6 +402,15 @@ fn moves(upper: &[u8]) -> bool {
         || matches!(upper.get(..2), Some(b"P[" | b"PR"))
 }
 
+/// Where a motion goes that goes to no position and no register, `PAL_1[A_1]`.
+fn unread(upper: &[u8]) -> Option<&[u8]> {
+    let target = upper.get(1..)?.trim_ascii_start();
+    let target = target.strip_prefix(b"@").unwrap_or(target);
+    let is_read = upper.starts_with(b"P") || target.starts_with(b"P[") || target.starts_with(b"PR[");
+    let end = target.iter().position(|b| b.is_ascii_whitespace() || *b == b';').unwrap_or(target.len());
+    (!is_read && end > 0).then_some(&target[..end])
+}
+
 /// A motion to these places; it stands at `offset`.
 fn motion(upper: &[u8], all: &[(usize, bool, &[u8])], offset: usize, scan: &mut Scan, names: &mut Names) {
     let increment = has(upper, b"INC");
@@ -403,6 +424,11 @@ fn motion(upper: &[u8], all: &[(usize, bool, &[u8])], offset: usize, scan: &mut 
     ];
     let other = other.into_iter().find(|(word, _)| has(upper, word));
     scan.problems.extend(other.map(|(_, what)| (offset, what.into())));
+    if let Some(target) = unread(upper) {
+        names.visit(Visit::Unknown);
+        let target = String::from_utf8_lossy(target);
+        scan.problem(offset, format!("goes to '{target}', which the listing does not give as numbers"));
+    }
     for (place, is_register, digits) in all {
         if *is_register && upper[..*place].contains(&b',') {
             // Offset,PR[1]: how far from the target

@@ -27,6 +27,7 @@ use crate::literal::Shape;
 use crate::names::{Names, Origin, Way};
 use crate::scan::{Fork, Scan, Setup, Visit, changed_here, hashed};
 use crate::text::{Cursor, Span, begins_line, is_one_of, lower, mentions};
+use arguments::Routines;
 use targets::Named;
 
 const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"A", b"B", b"C"];
@@ -86,15 +87,15 @@ pub fn header(bytes: &[u8]) -> usize {
 /// Reads a .src or .dat file, or both.
 #[must_use]
 pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
-    let named = targets::targets(bytes);
-    let only_read = arguments::only_read(bytes);
+    let routines = arguments::routines(bytes);
+    let named = targets::targets(bytes, &routines.scopes);
     let pass = |flow: Flow| {
         let mut reader = Reader {
             c: Cursor::new(bytes, b';'),
             scan: Scan::default(),
             names: Names::default(),
             named: &named,
-            only_read: &only_read,
+            routines: &routines,
             constants: Constants::with_degrees(),
             now: Setup::default(),
             spline: None,
@@ -178,8 +179,7 @@ struct Reader<'a> {
     scan: Scan,
     names: Names,
     named: &'a Named,
-    /// Which arguments the file's own routines only read (`:IN`), by the routine's name.
-    only_read: &'a HashMap<u64, Vec<bool>>,
+    routines: &'a Routines,
     constants: Constants,
     /// Tool and base at this place of the program.
     now: Setup,
@@ -208,8 +208,8 @@ impl<'a> Reader<'a> {
                 before = b"";
                 continue;
             }
-            if is_one_of(word, &[b"REAL", b"INT"]) && before.eq_ignore_ascii_case(b"CONST") {
-                self.constant();
+            if is_one_of(word, &[b"REAL", b"INT"]) {
+                self.number(before.eq_ignore_ascii_case(b"CONST"));
             } else if is_one_of(word, &MOTIONS) {
                 let before = self.now.clone();
                 self.with();
@@ -278,6 +278,8 @@ impl<'a> Reader<'a> {
             let name = before_bracket(c);
             flow.routine(name, now);
             names.routine(name);
+            // arguments are others than constants of their names
+            self.routines.scopes.parameters(name).iter().for_each(|p| self.constants.forget(p.name));
         } else if is(&[b"END", b"ENDFCT"]) {
             flow.end_routine(now);
             names.end(Some(Fork::Anywhere));
@@ -309,17 +311,28 @@ impl<'a> Reader<'a> {
         true
     }
 
-    /// `CONST REAL H=200`
-    fn constant(&mut self) {
-        self.c.skip_blank();
-        let name = self.c.word();
-        if name.is_empty() || !self.c.eat_in_line(b'=') {
-            return;
+    /// `CONST REAL H=200`, and `REAL H,K`: a variable is another one than a constant of its name elsewhere.
+    fn number(&mut self, is_constant: bool) {
+        loop {
+            self.c.skip_blank();
+            let name = self.c.word();
+            if name.is_empty() {
+                return;
+            }
+            let is_given = is_constant && self.c.eat_in_line(b'=');
+            match self.constants.expression(&mut self.c).filter(|_| is_given) {
+                Some((_, value)) => self.constants.define(hashed(name), value),
+                None => self.constants.forget(hashed(name)),
+            }
+            if !self.c.eat_in_line(b',') {
+                return;
+            }
         }
-        match self.constants.expression(&mut self.c) {
-            Some((_, value)) => self.constants.define(hashed(name), value),
-            None => self.constants.forget(hashed(name)),
-        }
+    }
+
+    /// What a name at `at` is called among all names.
+    fn key(&self, name: &[u8], at: usize) -> u64 {
+        self.routines.scopes.key(hashed(name), at)
     }
 
     /// `NAME.Z=...`, from the point on: a part of a target that is set by itself.
@@ -335,9 +348,9 @@ impl<'a> Reader<'a> {
         } else if is_one_of(word, &CURRENT) {
             self.set(word.eq_ignore_ascii_case(b"$TOOL"), format!("{} (computed)", lower(word)));
         } else if mentions(self.c.until(b";\n\r"), word) {
-            self.names.changed(hashed(word), from);
+            self.names.changed(self.key(word, from), from);
         } else if !is_system(word) {
-            self.names.set_from(hashed(word), Origin::Computed(from as u32));
+            self.names.set_from(self.key(word, from), Origin::Computed(from as u32));
         }
     }
 
@@ -379,9 +392,9 @@ impl<'a> Reader<'a> {
             self.scan.loads.push(from);
         } else if is("$IPO_MODE") {
             self.interpolation();
-        } else if self.c.peek() == b'{' {
+        } else if self.c.peek() == b'{' || is_one_of(word, &ELEMENTS) && self.c.until(b";\n\r").contains(&b':') {
             self.assigned(from, word, index);
-        } else if self.named.moved_to.contains(&hashed(word)) {
+        } else if self.named.moved_to.contains(&self.key(word, from)) {
             let source = self.c.word();
             self.c.skip_blank();
             let origin = if is_one_of(source, &HERE) {
@@ -389,9 +402,9 @@ impl<'a> Reader<'a> {
             } else if source.is_empty() || matches!(self.c.peek(), b'(' | b'.') {
                 Origin::Computed(from as u32)
             } else {
-                Origin::Name { name: hashed(source), at: from as u32 }
+                Origin::Name { name: self.key(source, from), at: from as u32 }
             };
-            self.names.set_from(hashed(word), origin);
+            self.names.set_from(self.key(word, from), origin);
         } else if is("FDAT_ACT") {
             let name = self.c.word();
             let known = self.motion_data.get(&target_of(name)).copied();
@@ -409,16 +422,18 @@ impl<'a> Reader<'a> {
         let found = self.aggregate();
         if word.eq_ignore_ascii_case(b"FDAT_ACT") {
             self.now = self.said(&found);
-        } else if !is_system(word) && (self.named.moved_to.is_empty() || self.named.moved_to.contains(&hashed(word))) {
+        } else if !is_system(word)
+            && (self.named.moved_to.is_empty() || self.named.moved_to.contains(&self.key(word, from)))
+        {
             if self.c.eat_in_line(b':') {
-                self.names.set_from(hashed(word), Origin::Computed(from as u32));
+                self.names.set_from(self.key(word, from), Origin::Computed(from as u32));
             } else {
                 self.define(&found, Span::new(from, from + word.len()));
             }
         }
     }
 
-    /// Whether `[1].X=...`, `[N]={...}` or `[1]=NAME` follows, and not numbers for an element that is known.
+    /// Whether `[1].X=...`, `[N]={...}` or `[1]=NAME` follows, and not numbers, or a product of frames, for an element that is known.
     fn changes_element(&self) -> bool {
         let text = self.c.until(b";\n\r");
         let close = text.iter().position(|b| *b == b']').unwrap_or(0);
@@ -427,7 +442,8 @@ impl<'a> Reader<'a> {
         let (part, value) = (behind[..equals].trim_ascii_end(), behind[equals + 1..].trim_ascii_start());
         let is_comparison = value.starts_with(b"=") || part.iter().any(|b| b"<>".contains(b));
         let is_calculated = index.iter().any(|b| b.is_ascii_alphabetic() || b"+-*/".contains(b));
-        let is_known = part == b"]" && value.starts_with(b"{") && !is_calculated;
+        let is_product = value.contains(&b':');
+        let is_known = part == b"]" && (value.starts_with(b"{") || is_product) && !is_calculated;
         !is_comparison && !is_known
     }
 
@@ -441,8 +457,9 @@ impl<'a> Reader<'a> {
             return;
         }
         let found = self.aggregate();
-        let is_moved_to = self.named.moved_to.contains(&hashed(name));
-        if !is_moved_to && (is_frame || self.named.no_targets.contains(&hashed(name))) {
+        let key = self.key(name, from);
+        let is_moved_to = self.named.moved_to.contains(&key);
+        if !is_moved_to && (is_frame || self.named.no_targets.contains(&key)) {
             let frame = self.frame(&found);
             self.declare(&lower(name), frame);
         } else {
@@ -452,7 +469,7 @@ impl<'a> Reader<'a> {
 
     fn define(&mut self, found: &Aggregate<'_>, name: Span) {
         let first = self.scan.spots.len();
-        let hash = hashed(name.text(self.c.bytes));
+        let hash = self.key(name.text(self.c.bytes), name.at as usize);
         match (self.target(found, name), found.unread()) {
             (Some(_), _) => {}
             (None, Some(span)) => {
@@ -509,7 +526,7 @@ impl<'a> Reader<'a> {
             self.names.visit(Visit::Unknown);
         } else {
             let setup = self.scan.setup(self.now.clone());
-            self.names.used(hashed(word), setup, way, at);
+            self.names.used(self.key(word, at), setup, way, at);
         }
         if self.c.peek() == b'[' {
             self.c.skip_past(b']', b"\n\r");

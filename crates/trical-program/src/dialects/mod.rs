@@ -106,7 +106,7 @@ const TABLE: [Row; 5] = [
         name: "csv",
         maker: "",
         extensions: &["csv"],
-        expected: "rows of x_mm,y_mm,z_mm,qw,qx,qy,qz or q1_deg,...",
+        expected: "rows of x_mm,y_mm,z_mm,qw,qx,qy,qz or q1_deg,... (columns are called as those of recordings)",
         scan: |bytes, _| poses_csv::scan(bytes),
         header: |_| 0,
         comment: ("# ", ""),

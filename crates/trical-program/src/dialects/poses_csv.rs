@@ -1,9 +1,10 @@
 //! A table of poses or joint values: comma-separated, a header with units in its names, `#` for comments.
 //!
-//! `x_mm,y_mm,z_mm,qw,qx,qy,qz` or `q1_deg,q2_deg,...` (`q1_mm` of a joint that slides); `tool` and `frame` name what a row is meant with. Other columns and
-//! everything else stay as they are.
+//! Columns are called as those of recordings: `x_mm,y_mm,z_mm` with `qw,qx,qy,qz` or `roll_deg,pitch_deg,yaw_deg`, or `q1_deg,q2_deg,...` (`q1_mm` of a joint
+//! that slides), each also in m or rad; `tool` and `frame` name what a row is meant with. Other columns and everything else stay as they are.
 
 use trical_model::error::shortened;
+use trical_recording::columns::{self, Field, Unit};
 
 use crate::branch::Configuration;
 use crate::literal::Shape;
@@ -13,7 +14,8 @@ use crate::text::{Span, lower, number};
 /// Columns of what was measured: a file that has one is a recording, and nothing in it is a target.
 const MEASURED: [&str; 8] = ["ball", "ix_mm", "iy_mm", "iz_mm", "target", "reference", "d_mm", "anchor"];
 
-const POSE: [&str; 7] = ["x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz"];
+/// What a header is to have.
+const EXPECTED: &str = "x_mm,y_mm,z_mm,qw,qx,qy,qz or q1_deg,... (also x_m ..., roll_deg,pitch_deg,yaw_deg in place of the quaternion, roll_rad ..., q1_rad ...)";
 
 /// No row is this long, bytes.
 const LONGEST_LINE: usize = 1 << 20;
@@ -40,6 +42,7 @@ pub fn scan(bytes: &[u8]) -> Result<Scan, String> {
                 None => {
                     let found = Columns::of(line)?;
                     scan.in_mm.clone_from(&found.in_mm);
+                    scan.scales.clone_from(&found.scales);
                     columns = Some(found);
                 }
                 Some(columns) => columns.row(at, line, bytes, &mut scan),
@@ -56,6 +59,8 @@ struct Columns {
     numbers: Vec<usize>,
     /// Of joint values, which are in mm.
     in_mm: Vec<bool>,
+    /// Of each number, how many mm or deg one unit of its column is.
+    scales: Vec<f64>,
     tool: Option<usize>,
     frame: Option<usize>,
     width: usize,
@@ -65,30 +70,50 @@ impl Columns {
     fn of(header: &[u8]) -> Result<Self, String> {
         let names: Vec<String> = header.split(|b| *b == b',').map(|n| lower(n.trim_ascii())).collect();
         let find = |name: &str| names.iter().position(|n| n == name);
-        let pose: Vec<usize> = POSE.iter().filter_map(|n| find(n)).collect();
-        let joint = |k| {
-            let turns = find(&format!("q{k}_deg")).map(|at| (at, false));
-            turns.or_else(|| find(&format!("q{k}_mm")).map(|at| (at, true)))
+        let of = |field: Field| {
+            let found = names.iter().enumerate().filter_map(|(at, name)| {
+                let (column, k, unit) = columns::find(name)?;
+                (column.field == field).then_some((k, at, unit))
+            });
+            let mut found: Vec<(usize, usize, Unit)> = found.collect();
+            found.sort_unstable_by_key(|(k, at, _)| (*k, *at));
+            found.dedup_by_key(|(k, ..)| *k);
+            // the first ones, as far as none is missing
+            found.into_iter().enumerate().take_while(|(n, (k, ..))| n == k).map(|(_, one)| one).collect::<Vec<_>>()
         };
-        let (joints, in_mm): (Vec<usize>, Vec<bool>) = (1..=9).map_while(joint).unzip();
+        let [position, quaternion, angles, joints] =
+            [Field::Position, Field::Quaternion, Field::RollPitchYaw, Field::Joints].map(of);
         if let Some(column) = MEASURED.iter().find(|name| find(name).is_some()) {
             return Err(format!(
-                "header: found {column}, as measurements have; expected a table of targets, {} or q1_deg,...",
-                POSE.join(",")
+                "header: found {column}, as measurements have; expected a table of targets, {EXPECTED}"
             ));
         }
-        let found = || shortened(&names.iter().take(12).cloned().collect::<Vec<_>>().join(","), 200);
-        let (shape, numbers) = match (pose.len(), joints.len()) {
-            (7, 0) => (Shape::Quaternion, pose),
-            (0, n) if n > 0 => (Shape::JointsDeg, joints),
-            (0, 0) | (1..7, 0) => {
-                return Err(format!("header: found {}, expected {} or q1_deg,...", found(), POSE.join(",")));
+        let (shape, numbers) = match [position.len(), quaternion.len(), angles.len(), joints.len()] {
+            [3, 4, 0, 0] => (Shape::Quaternion, [position, quaternion].concat()),
+            [3, 0, 3, 0] => (Shape::Xyz, [position, angles].concat()),
+            [0, 0, 0, n] if n > 0 => (Shape::JointsDeg, joints),
+            [3, 4, 3, 0] => {
+                return Err(
+                    "header: has an orientation twice, as a quaternion and as angles; expected one of them".into()
+                );
+            }
+            [_, _, _, 0] => {
+                let found = shortened(&names.iter().take(12).cloned().collect::<Vec<_>>().join(","), 200);
+                return Err(format!("header: found {found}, expected {EXPECTED}"));
             }
             _ => {
                 return Err("header: has both a pose and joint values, as a recording has; expected one of them".into());
             }
         };
-        Ok(Self { shape, numbers, in_mm, tool: find("tool"), frame: find("frame"), width: names.len() })
+        let in_mm = numbers.iter().map(|(.., unit)| shape.is_joints() && unit.usual() == Unit::Millimetre);
+        let scales = numbers.iter().map(|(.., unit)| match unit {
+            Unit::Metre => 1e3,
+            Unit::Radian => 1_f64.to_degrees(),
+            _ => 1.0,
+        });
+        let (in_mm, scales) = (in_mm.collect(), scales.collect());
+        let numbers = numbers.iter().map(|(_, at, _)| *at).collect();
+        Ok(Self { shape, numbers, in_mm, scales, tool: find("tool"), frame: find("frame"), width: names.len() })
     }
 
     fn row(&self, at: usize, line: &[u8], bytes: &[u8], scan: &mut Scan) {

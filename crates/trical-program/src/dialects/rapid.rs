@@ -185,6 +185,7 @@ impl Reader<'_> {
                 // a routine whose name the program puts together
                 if b == b'%' && self.c.peek() != b'%' && begins_line(self.c.bytes, from) {
                     self.names.fork(Fork::Anywhere);
+                    self.call_late(from);
                 }
             }
         }

@@ -65,11 +65,12 @@ impl Arguments {
     }
 }
 
-impl Reader<'_> {
+impl<'a> Reader<'a> {
     /// The arguments of a motion: which targets it goes to, with which tool and work object.
     pub(super) fn motion(&mut self, instruction: &[u8]) {
         let Some(arguments) = self.arguments(instruction).filter(|a| !a.places.is_empty()) else { return };
         let tool = arguments.tool.map(|t| self.frame_name(t.text(self.c.bytes)));
+        tool.iter().for_each(|tool| self.part_of_record(true, tool));
         let frame = arguments.frame.unwrap_or_else(|| "wobj0".into());
         let with = Setup { tool, frame: Some(frame) };
         if let Some(exports) = &mut self.exports {
@@ -164,15 +165,33 @@ impl Reader<'_> {
         if option.eq_ignore_ascii_case(b"tload") {
             return self.load(from);
         }
-        let value = self.c.word();
+        let value = self.whole_name();
         if option.eq_ignore_ascii_case(b"wobj") {
-            arguments.frame = Some(self.frame_name(value));
+            let name = self.frame_name(value);
+            self.part_of_record(false, &name);
+            arguments.frame = Some(name);
             if self.c.peek() == b'{' {
                 self.element_of_frames(false, value);
             }
         } else if option.eq_ignore_ascii_case(b"tool") {
             self.not_the_tool(arguments);
             arguments.tool = Some(Span::new(from, self.c.at));
+        }
+    }
+
+    /// A name with the parts behind it, `cell.tool`.
+    fn whole_name(&mut self) -> &'a [u8] {
+        let from = self.c.at;
+        while !self.c.word().is_empty() && self.c.peek() == b'.' {
+            self.c.at += 1;
+        }
+        self.c.bytes.get(from..self.c.at).unwrap_or(&[])
+    }
+
+    /// Of a tool or a work object that is a part of a record nobody knows the numbers.
+    fn part_of_record(&mut self, is_tool: bool, name: &str) {
+        if name.contains('.') {
+            self.not_known(is_tool, name, "is a part of a record, which is not read");
         }
     }
 
@@ -218,7 +237,9 @@ impl Reader<'_> {
     /// A name, an element of an array, what a function returns, or a number.
     fn next_argument(&mut self, arguments: &mut Arguments) {
         let from = self.c.at;
-        let word = self.c.word();
+        // of a target its record is followed
+        let is_behind = arguments.targets.is_some() && !arguments.awaits_target();
+        let word = if is_behind { self.whole_name() } else { self.c.word() };
         if word.is_empty() && self.c.number().is_none() {
             self.c.at += 1;
         }

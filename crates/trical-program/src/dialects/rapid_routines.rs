@@ -180,6 +180,20 @@ impl Reader<'_> {
         if !arguments {
             return;
         }
+        self.gives_elsewhere(word, found.is_some());
+    }
+
+    /// A call of a routine whose name the program puts together (`%name%p1,tool;`), from behind the first sign on.
+    pub(super) fn call_late(&mut self, from: usize) {
+        self.c.skip_to(b"%;\n");
+        if self.c.eat(b'%') {
+            let name = self.c.bytes.get(from..self.c.at).unwrap_or(&[]);
+            self.gives_elsewhere(name, false);
+        }
+    }
+
+    /// What a call gives to a routine that this file does not have.
+    fn gives_elsewhere(&mut self, word: &[u8], is_known: bool) {
         let (mut given, mut names) = (Vec::new(), Vec::new());
         self.each_argument(word, &mut |reader, key| {
             let from = reader.c.at;
@@ -191,7 +205,7 @@ impl Reader<'_> {
                 given.push((key, place));
             }
         });
-        self.give(word, found.is_some(), given, names);
+        self.give(word, is_known, given, names);
     }
 
     /// What a call gives to a routine of another module: places, and names of what may be tools and work objects.

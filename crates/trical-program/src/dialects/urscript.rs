@@ -21,8 +21,9 @@ use crate::frames::{AT, ToolFrame, named};
 use crate::literal::{Meant, Shape};
 use crate::names::{Names, Origin};
 use crate::scan::{Fork, Scan, Setup, Visit, hashed_as_written as hashed};
+use crate::scopes::Scopes;
 use crate::text::{Cursor, Span, mentions};
-use targets::{constants, next_argument, skip_name, targets, unsteady};
+use targets::{constants, each_argument, next_argument, scopes, skip_name, targets, unsteady};
 
 const MOTIONS: [&[u8]; 8] = [b"movej", b"movel", b"movep", b"movec", b"servoj", b"servoc", b"optimovej", b"optimovel"];
 /// Functions that say where the arm is; with arguments, `get_forward_kin` says where it would be.
@@ -76,8 +77,9 @@ const DEEPEST: usize = 8;
 #[must_use]
 pub fn scan(bytes: &[u8]) -> Scan {
     let constants = constants(bytes);
-    let (mut moved_to, mut in_frames) = targets(bytes);
-    let unsteady = unsteady(bytes, &mut in_frames);
+    let scopes = scopes(bytes);
+    let (mut moved_to, mut in_frames) = targets(bytes, &scopes);
+    let unsteady = unsteady(bytes, &scopes, &mut in_frames);
     let (in_one, several): (Vec<_>, Vec<_>) = in_frames.into_iter().partition(|(_, uses)| uses.frame.is_some());
     let in_one: Vec<u64> = in_one.into_iter().map(|(name, _)| name).filter(|name| moved_to.insert(*name)).collect();
     let several: HashSet<u64> = several.into_iter().map(|(name, _)| name).collect();
@@ -87,6 +89,7 @@ pub fn scan(bytes: &[u8]) -> Scan {
             scan: Scan::default(),
             names: Names::default(),
             constants: &constants,
+            scopes: &scopes,
             moved_to: &moved_to,
             unsteady: &unsteady,
             now: Setup::default(),
@@ -137,6 +140,7 @@ struct Reader<'a> {
     scan: Scan,
     names: Names,
     constants: &'a Constants,
+    scopes: &'a Scopes,
     moved_to: &'a HashSet<u64>,
     unsteady: &'a HashSet<u64>,
     now: Setup,
@@ -168,10 +172,10 @@ impl<'a> Reader<'a> {
             if is_motion(word) {
                 if self.c.eat(b'(') {
                     let inside = self.c;
-                    // before the arm moves
-                    for (name, word, behind) in self.functions_ahead() {
-                        self.flow.perhaps_called_as(name, word, &behind, &mut self.now);
-                        self.names.called(name, false);
+                    for (function, mut c) in self.called_ahead() {
+                        each_argument(self.scopes, function, &mut c, |c, parameter| {
+                            self.names.set_from(parameter, Origin::Computed(c.at as u32));
+                        });
                     }
                     self.motion(has_two(word));
                     // what else stands there (`a=1.2`) assigns nothing
@@ -209,7 +213,8 @@ impl<'a> Reader<'a> {
                 functions.insert(name);
                 flow.routine(name, now);
                 names.routine(name);
-                c.skip_line();
+                self.defaults(name);
+                self.c.skip_line();
             }
             b"return" => flow.returns(now),
             b"while" => {
@@ -231,11 +236,96 @@ impl<'a> Reader<'a> {
                     let is_given = is_statement && !SHOW.contains(&word) && self.is_given_place();
                     self.given.extend(is_given.then_some((name, from)));
                     self.names.called(name, is_given);
+                    if !self.scopes.parameters(name).is_empty() {
+                        self.c.skip_blank();
+                        self.call(name);
+                        return true;
+                    }
                 }
                 return false;
             }
         }
         true
+    }
+
+    /// Functions among the arguments that follow are called first; these, each with its parenthesis.
+    fn called_ahead(&mut self) -> Vec<(u64, Cursor<'a>)> {
+        let ahead = self.functions_ahead();
+        for (name, word, behind) in &ahead {
+            self.flow.perhaps_called_as(*name, word, behind, &mut self.now);
+            self.names.called(*name, false);
+        }
+        ahead.into_iter().map(|(name, _, behind)| (name, behind)).collect()
+    }
+
+    /// What a call gives to a function of the script, from its parenthesis to the one that closes.
+    fn call(&mut self, function: u64) {
+        let mut calls = vec![(function, self.c)];
+        self.c.at += 1;
+        let inside = self.c;
+        calls.extend(self.called_ahead());
+        let mut given = Vec::new();
+        let mut end = inside;
+        for (k, (function, mut c)) in calls.into_iter().enumerate() {
+            each_argument(self.scopes, function, &mut c, |c, parameter| given.push((*c, parameter)));
+            if k == 0 {
+                end = c;
+            }
+        }
+        // targets are found in the order of the text
+        given.sort_by_key(|(c, _)| c.at);
+        for (c, parameter) in given {
+            self.c = c;
+            self.argument(parameter);
+        }
+        // what is given by its name (`where=p[...]`) assigns nothing here
+        self.c = end;
+        if !self.c.eat(b')') {
+            self.c = inside;
+            self.close();
+        }
+    }
+
+    /// What parameters of a function are where its calls give none (`def go(where=p[...])`), from its name on.
+    fn defaults(&mut self, function: u64) {
+        self.c.skip_blank();
+        if !self.c.until(b"\n").contains(&b'=') {
+            return;
+        }
+        let mut c = self.c;
+        each_argument(self.scopes, function, &mut c, |c, parameter| {
+            // those without stand here by their names
+            let name = c.clone().word();
+            if self.scopes.key(hashed(name), c.at) != parameter {
+                self.c = *c;
+                self.argument(parameter);
+            }
+        });
+    }
+
+    /// The place at the cursor becomes a parameter.
+    fn argument(&mut self, parameter: u64) {
+        let at = self.c.at as u32;
+        let origin = match self.literal() {
+            Literal::Numbers(shape, spans) if self.moved_to.contains(&parameter) => {
+                let own = hashed(&[&b"\0at"[..], &at.to_le_bytes()].concat());
+                let spot = self.scan.push(shape, &spans, Configuration::Free, Span::default()) as usize;
+                self.names.define(own, spot, spot + 1);
+                Origin::Name { name: own, at }
+            }
+            Literal::None => match self.origin(0) {
+                Some(Some(name)) => Origin::Name { name, at },
+                Some(None) => Origin::Here,
+                None => Origin::Computed(at),
+            },
+            _ => Origin::Computed(at),
+        };
+        self.names.set_from(parameter, origin);
+    }
+
+    /// What the name that ends at the cursor is called among all names.
+    fn key(&self, name: &[u8]) -> u64 {
+        self.scopes.key(hashed(name), self.c.at)
     }
 
     /// Whether a place is among the arguments of a function, from behind its name on. The cursor stays.
@@ -248,7 +338,7 @@ impl<'a> Reader<'a> {
             skip_name(&mut self.c);
             let is_literal = matches!(self.literal(), Literal::Numbers(..) | Literal::Unread(_));
             let word = self.c.word();
-            let name = hashed(word);
+            let name = self.key(word);
             found = is_literal
                 || self.moved_to.contains(&name)
                 || self.places.contains(&name)
@@ -264,7 +354,7 @@ impl<'a> Reader<'a> {
     /// `name=p[...]`, `name=[...]`, `name=other`, `name=pose_trans(other,...)`, `name[2]=...`
     fn assignment(&mut self, from: usize, word: &[u8]) {
         let start = self.c;
-        let hash = hashed(word);
+        let hash = self.key(word);
         let is_target = self.moved_to.contains(&hash);
         self.c.skip_blank();
         let is_element = self.c.peek() == b'[';
@@ -302,7 +392,7 @@ impl<'a> Reader<'a> {
     }
 
     fn assigned(&mut self, name: Span, shape: Shape, spans: &[Span; 6]) {
-        let hash = hashed(name.text(self.c.bytes));
+        let hash = self.key(name.text(self.c.bytes));
         if let Some(q) = self.joint_values(shape, spans) {
             self.joints.insert(hash, q);
         }
@@ -339,8 +429,8 @@ impl<'a> Reader<'a> {
         let pose = match self.literal() {
             Literal::Numbers(Shape::RotationVector, spans) => self.pose(&spans),
             _ => {
-                let name = hashed(self.c.word());
-                self.values.get(&name).copied().flatten()
+                let name = self.c.word();
+                self.values.get(&self.key(name)).copied().flatten()
             }
         };
         let frame = pose.ok_or("its set_tcp is computed by the program".to_owned());

@@ -206,3 +206,37 @@ fn a_global_target_that_a_routine_of_another_file_may_set_is_listed() {
     let (_, problems) = of("sensor", &[("look.src", sensor)]);
     assert!(problems.len() == 1 && problems[0].contains("line 8") && problems[0].contains("RSI"), "{problems:?}");
 }
+
+#[test]
+fn tools_of_the_controller_that_are_products_are_multiplied() {
+    let pose = "{X 350,Y 0,Z 600,A 0,B 90,C 0}";
+    let text = |tool: &str| format!("DEF P()\nBAS(#TOOL,{tool})\nBAS(#BASE,0)\nLIN {pose}\nEND\n");
+    let config = "DEFDAT $CONFIG\nTOOL_DATA[4]=TOOL_DATA[3]:{X 0,Y 0,Z 1,A 0,B 0,C 0}\nTOOL_DATA[3]=TOOL_DATA[1]:{X 5,Y 0,Z 0,A 0,B 0,C 0}\n\
+        TOOL_DATA[1]={X 0,Y 0,Z 50,A 90,B 0,C 0}\nTOOL_DATA[2]={X 0,Y 5,Z 51,A 90,B 0,C 0}\nTOOL_DATA[5]=TOOL_DATA[9]:TOOL_DATA[1]\nENDDAT\n";
+    let wanted = |tool: &str| {
+        let report = checked(&format!("products_{tool}"), KR6, &[("p.src", &text(tool)), ("$config.dat", config)]);
+        (report.rows.iter().map(|r| r.joints).collect::<Vec<_>>(), report.problems)
+    };
+    let (product, problems) = wanted("4");
+    assert!(problems.is_empty(), "{problems:?}");
+    let (plain, _) = wanted("2");
+    let apart = product[0].iter().zip(&plain[0]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(product.len() == 1 && apart < 1e-9, "{product:?} {plain:?}");
+    // of one of its factors nobody knows the numbers
+    assert!(wanted("5").1[0].what.contains("tool_data[5]"), "{:?}", wanted("5").1);
+}
+
+#[test]
+fn files_that_are_too_large_to_be_looked_through_are_named() {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("large_beside");
+    std::fs::create_dir_all(&folder).unwrap();
+    let large = std::fs::File::create(folder.join("huge.src")).unwrap();
+    large.set_len((16 << 20) + 1).unwrap();
+    let program = folder.join("p.src");
+    std::fs::write(&program, "DEF P()\nLIN {X 350,Y 0,Z 600,A 0,B 90,C 0}\nNOBODY()\nEND\n").unwrap();
+    let job = Job { program: &program, out: None, dialect: None, frames: &[], partial: false };
+    let nominal = nominal(KR6);
+    let options = Options { temp_c: Some(32.0), ..Options::default() };
+    let report = job.run(&nominal, &real(&nominal), &options).unwrap();
+    assert!(report.cautions.iter().any(|c| c.contains("huge.src") && c.contains("16 MiB")), "{:?}", report.cautions);
+}

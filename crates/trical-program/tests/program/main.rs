@@ -513,3 +513,43 @@ fn loads_that_nobody_has_read_are_named_where_the_arm_sags() {
     assert_eq!(report.cautions, [""; 0]);
     assert_eq!(report.setups[0].0, "tool '$tool in line 1' in the robot's base");
 }
+
+#[test]
+fn a_table_in_other_units_and_with_angles_is_the_same_table() {
+    let nominal = nominal(IRB);
+    let real = real(&nominal);
+    // 0.6 i + 0.8 j is half a turn about an axis in the plane: Rz(2 atan2(0.8, 0.6)) Rx(180 deg)
+    let yaw = 2.0 * 0.8_f64.atan2(0.6);
+    let text = b"x_mm,y_mm,z_mm,qw,qx,qy,qz\n350,50,320,0,0.6,0.8,0\n".to_vec();
+    let others = [
+        format!("yaw_deg,note,x_m,y_m,z_m,roll_deg,pitch_deg\n{:.10},a,0.35,0.05,0.32,180,0\n", yaw.to_degrees()),
+        format!("X_M,Y_MM,z_mm,roll_rad,pitch_rad,yaw_rad\n0.35,50,320,{:.12},0,{yaw:.12}\n", std::f64::consts::PI),
+    ];
+    let (_, plain) = run(&text, Dialect::Csv, &nominal, &real, &Frames::default());
+    for other in others {
+        let (out, report) = run(other.as_bytes(), Dialect::Csv, &nominal, &real, &Frames::default());
+        let (_, again) = run(&unmarked(&out), Dialect::Csv, &nominal, &nominal, &Frames::default());
+        let apart = |a: &Report, b: &Report| {
+            a.rows[0].joints.iter().zip(&b.rows[0].joints).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+        };
+        assert!(report.after[1] < 1e-6 && apart(&report, &plain) < 1e-6, "{other}: {:?}", report.after);
+        // as the controller reads it again
+        assert!(apart(&again, &report) < 1e-6, "{}", String::from_utf8_lossy(&out));
+    }
+    let q = [10.0, 20.0, 10.0, 5.0, 60.0, -7.0];
+    let row = |scale: f64| q.map(|x: f64| format!("{:.12}", x * scale)).join(",");
+    let head = |unit: &str| (1..=6).map(|k| format!("q{k}_{unit}")).collect::<Vec<_>>().join(",");
+    let [deg, rad] = [("deg", 1.0), ("rad", 1_f64.to_radians())].map(|(unit, scale)| {
+        let text = format!("{}\n{}\n", head(unit), row(scale));
+        let (_, report) = run(text.as_bytes(), Dialect::Csv, &nominal, &real, &Frames::default());
+        (report.rows[0].joints, report.after[1])
+    });
+    assert!(deg.0.iter().zip(&rad.0).all(|(a, b)| (a - b).abs() < 1e-9) && rad.1 < 1e-6, "{deg:?} {rad:?}");
+    let angles = refused(b"x,y,z,rx,ry,rz\n1,2,3,4,5,6\n", Dialect::Csv);
+    assert!(
+        angles.contains("found x,y,z,rx,ry,rz, expected x_mm,y_mm,z_mm") && angles.contains("roll_deg"),
+        "{angles}"
+    );
+    let twice = refused(b"x_mm,y_mm,z_mm,qw,qx,qy,qz,roll_deg,pitch_deg,yaw_deg\n", Dialect::Csv);
+    assert!(twice.contains("twice"), "{twice}");
+}

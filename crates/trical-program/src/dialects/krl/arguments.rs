@@ -2,10 +2,11 @@
 
 use std::collections::HashMap;
 
-use super::{CURRENT, ELEMENTS, Reader, before_bracket};
+use super::{CURRENT, ELEMENTS, HERE, Reader, before_bracket};
 use crate::names::Origin;
 use crate::scan::{changed_here, hashed};
-use crate::text::{Cursor, is_one_of};
+use crate::scopes::Scopes;
+use crate::text::{Cursor, Span, is_one_of};
 
 /// Of the language: they change none of what they are given.
 const CHANGE_NOTHING: [&[u8]; 13] = [
@@ -24,10 +25,18 @@ const CHANGE_NOTHING: [&[u8]; 13] = [
     b"VARTYPE",
 ];
 
-/// Which arguments the routines of a file only read, by their hashed names.
-pub(super) fn only_read(bytes: &[u8]) -> HashMap<u64, Vec<bool>> {
-    let mut found = HashMap::new();
-    for line in bytes.split(|b| *b == b'\n') {
+/// What the routines of a file have for themselves: their parameters, and which of these they only read, by their hashed names.
+#[derive(Default)]
+pub(super) struct Routines {
+    pub(super) scopes: Scopes,
+    only_read: HashMap<u64, Vec<bool>>,
+}
+
+/// The routines of a file.
+pub(super) fn routines(bytes: &[u8]) -> Routines {
+    let Routines { mut scopes, mut only_read } = Routines::default();
+    let mut at = 0;
+    for line in bytes.split_inclusive(|b| *b == b'\n') {
         let mut c = Cursor::new(line, b';');
         c.skip_blank();
         let mut word = c.word();
@@ -36,13 +45,21 @@ pub(super) fn only_read(bytes: &[u8]) -> HashMap<u64, Vec<bool>> {
             word = c.word();
         }
         if is_one_of(word, &[b"DEF", b"DEFFCT"]) {
-            let name = before_bracket(&mut c);
-            let list = c.until(b")\r;").to_ascii_uppercase();
-            let is_in = |argument: &[u8]| argument.trim_ascii_end().ends_with(b":IN");
-            found.insert(name, list.split(|b| *b == b',').map(is_in).collect());
+            let routine = before_bracket(&mut c);
+            scopes.open();
+            let list = c.until(b")\r\n;").split(|b| *b == b',').map(|p| p.strip_prefix(b"(").unwrap_or(p).trim_ascii());
+            let is_in = |p: &[u8]| p.to_ascii_uppercase().ends_with(b":IN");
+            only_read.insert(routine, list.clone().map(is_in).collect());
+            for parameter in list.filter(|p| !p.is_empty()) {
+                let name = parameter.split(|b| matches!(b, b':' | b'[')).next().unwrap_or(parameter);
+                scopes.parameter(routine, hashed(name.trim_ascii()), at);
+            }
+        } else if is_one_of(word, &[b"END", b"ENDFCT"]) {
+            scopes.close(at);
         }
+        at += line.len();
     }
-    found
+    Routines { scopes, only_read }
 }
 
 impl Reader<'_> {
@@ -51,14 +68,19 @@ impl Reader<'_> {
         if is_one_of(routine, &CHANGE_NOTHING) {
             return;
         }
-        let only_read = self.only_read.get(&hashed(routine));
+        let only_read = self.routines.only_read.get(&hashed(routine));
+        let parameters = self.routines.scopes.parameters(hashed(routine));
         let start = self.c;
         let at = start.at - routine.len();
         self.c.skip_blank();
         self.c.at += 1;
         let (mut argument, mut depth) = (0, 0_usize);
+        let mut begins = true;
         while !self.c.done() {
             self.c.skip_blank();
+            if let Some(parameter) = parameters.get(argument).filter(|_| std::mem::take(&mut begins)) {
+                self.becomes(parameter.key, at);
+            }
             let word = self.c.word();
             if !word.is_empty() {
                 // of a function among the arguments: it is asked about by itself
@@ -76,7 +98,7 @@ impl Reader<'_> {
                 b')' if depth == 0 => break,
                 b'(' | b'[' | b'{' => depth += 1,
                 b')' | b']' | b'}' => depth = depth.saturating_sub(1),
-                b',' if depth == 0 => argument += 1,
+                b',' if depth == 0 => (argument, begins) = (argument + 1, true),
                 _ => {}
             }
             self.c.at += 1;
@@ -84,9 +106,46 @@ impl Reader<'_> {
         self.c = start;
     }
 
+    /// A parameter of a routine gets what stands at the cursor; the cursor stays where no target is written out.
+    fn becomes(&mut self, parameter: u64, call: usize) {
+        if !self.named.moved_to.contains(&parameter) || matches!(self.c.peek(), b')' | b',') {
+            return;
+        }
+        let start = self.c;
+        let at = start.at as u32;
+        if self.c.peek() == b'{' {
+            let found = self.aggregate();
+            let own = hashed(&[&b"\0at"[..], &at.to_le_bytes()].concat());
+            let origin = match self.target(&found, Span::default()) {
+                Some(spot) => {
+                    self.names.define(own, spot as usize, spot as usize + 1);
+                    Origin::Name { name: own, at }
+                }
+                None => Origin::Computed(at),
+            };
+            return self.names.set_from(parameter, origin);
+        }
+        let word = self.c.word();
+        self.c.skip_blank();
+        let is_element = self.c.peek() == b'[';
+        if is_element {
+            self.c.skip_past(b']', b"\n\r");
+            self.c.skip_blank();
+        }
+        let is_whole = !word.is_empty() && matches!(self.c.peek(), b',' | b')');
+        let origin = match is_whole {
+            true if is_one_of(word, &HERE) => Origin::Here,
+            true => Origin::Name { name: self.key(word, start.at), at },
+            false => Origin::Computed(call as u32),
+        };
+        self.names.set_from(parameter, origin);
+        self.c = start;
+    }
+
     fn may_change(&mut self, word: &[u8], at: usize) {
-        if self.named.moved_to.contains(&hashed(word)) {
-            self.names.set_from(hashed(word), Origin::Computed(at as u32));
+        let name = self.key(word, at);
+        if self.named.moved_to.contains(&name) {
+            self.names.set_from(name, Origin::Computed(at as u32));
         } else if is_one_of(word, &CURRENT) {
             self.set(word.eq_ignore_ascii_case(b"$TOOL"), "(set by a routine)".to_owned());
         } else if is_one_of(word, &ELEMENTS) || self.is_frame(word) {

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use trical_model::Pose;
 
 use super::{Aggregate, Reader, target_of};
-use crate::frames::{AT, TIMES, ToolFrame, named};
+use crate::frames::{AT, Frames, TIMES, ToolFrame, named};
 use crate::scan::{Setup, changed_here, hashed};
 use crate::text::{is_one_of, lower, mentions};
 
@@ -29,6 +29,17 @@ fn declare<T: PartialEq>(known: &mut BTreeMap<String, Result<T, String>>, name: 
     let several = || Err("is set to different frames at several places of the program".into());
     known.insert(name, if differs { several() } else { new });
 }
+
+/// Keeps a product of known frames under its name.
+fn product<T: Clone>(known: &mut BTreeMap<String, Result<T, String>>, parts: &str, name: String, by: fn(&T, &T) -> T) {
+    let parts = parts.split(TIMES).map(|part| known.get(part).and_then(|one| one.as_ref().ok()).cloned());
+    let whole = parts.reduce(|a, b| Some(by(&a?, &b?))).flatten();
+    known.extend(whole.map(|whole| (name, Ok(whole))));
+}
+
+/// Products of frames that other files may use, at most, and products of products.
+const MOST_PRODUCTS: usize = 100;
+const DEEPEST: usize = 4;
 
 impl Reader<'_> {
     /// What is behind `$TOOL=` or `$BASE=`: a frame, or frames with the geometric operator between them.
@@ -64,6 +75,9 @@ impl Reader<'_> {
             return self.on_external_axis();
         }
         let name = lower(word);
+        if self.key(word, self.c.at) != hashed(word) {
+            return self.of_routine(&name);
+        }
         if self.c.eat_in_line(b'[') {
             let index = self.c.until(b"]\n\r");
             self.c.at += index.len();
@@ -85,6 +99,17 @@ impl Reader<'_> {
     fn calculated(&mut self, name: String) -> String {
         self.scan.frames.tools.insert(name.clone(), Err(calculated(&name)));
         self.scan.frames.frames.insert(name.clone(), Err(calculated(&name)));
+        name
+    }
+
+    /// A tool or base that is an argument of its routine.
+    fn of_routine(&mut self, name: &str) -> String {
+        let why = format!(
+            "the tool or base '{name}' is an argument of its routine, and which one the calls give is not followed"
+        );
+        let name = format!("{name} (an argument)");
+        self.scan.frames.tools.insert(name.clone(), Err(why.clone()));
+        self.scan.frames.frames.insert(name.clone(), Err(why));
         name
     }
 
@@ -191,7 +216,7 @@ impl Reader<'_> {
     /// Whether a name stands for a frame, to which no motion goes.
     pub(super) fn is_frame(&self, word: &[u8]) -> bool {
         !self.named.frames.is_empty() && {
-            let name = hashed(word);
+            let name = self.key(word, self.c.at);
             self.named.frames.contains(&name) && !self.named.moved_to.contains(&name)
         }
     }
@@ -247,6 +272,7 @@ impl Reader<'_> {
 
     /// Puts products of frames in the places of the names that they are assigned to, where that is so once in the program.
     pub(super) fn in_products(&mut self) {
+        self.multiply();
         let mut setups = std::mem::take(&mut self.scan.setups);
         for setup in &mut setups {
             for is_tool in [true, false] {
@@ -262,6 +288,28 @@ impl Reader<'_> {
             }
         }
         self.scan.setups = setups;
+    }
+
+    /// Declares products of which the file has all frames, for other files too (`TOOL_DATA[3]=TOOL_DATA[1]:{...}` in `$config.dat`).
+    fn multiply(&mut self) {
+        let mut names: Vec<String> = self.products.keys().cloned().collect();
+        names.sort_unstable();
+        names.truncate(MOST_PRODUCTS);
+        names.retain(|name| self.assigned_once(name));
+        let Frames { tools, frames, .. } = &mut self.scan.frames;
+        // one may be of others that stand below
+        for name in std::iter::repeat_n(&names, DEEPEST).flatten() {
+            let Some([tool, base]) = self.products.get(name) else { continue };
+            let number = |data: &str| name.strip_prefix(data).map(|n| n.trim_matches(['[', ']']).to_owned());
+            let [is_tool, is_base] = ["tool_data[", "base_data["].map(number);
+            let key = is_tool.clone().or(is_base.clone()).unwrap_or_else(|| name.clone());
+            if is_base.is_none() {
+                product(tools, tool, key.clone(), ToolFrame::compose);
+            }
+            if is_tool.is_none() {
+                product(frames, base, key, Pose::compose);
+            }
+        }
     }
 
     /// Whether the program assigns something to this name (of an element: with its index), and not to a part of it, in one place only.

@@ -1,9 +1,10 @@
 //! Which names of a KRL program are targets, and which are frames.
 
-use std::collections::{BTreeSet, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
 use super::{CURRENT, ELEMENTS, MOTIONS, is_system};
 use crate::scan::hashed;
+use crate::scopes::Scopes;
 use crate::text::{Cursor, is_one_of};
 
 /// What names of a program stand for.
@@ -18,9 +19,10 @@ pub(super) struct Named {
 }
 
 /// What the names of a program stand for.
-pub(super) fn targets(bytes: &[u8]) -> Named {
+pub(super) fn targets(bytes: &[u8], scopes: &Scopes) -> Named {
     let Named { mut moved_to, mut frames, mut no_targets } = Named::default();
     let (mut declared, mut products) = (HashSet::new(), BTreeSet::new());
+    let mut given: HashMap<u64, Vec<u64>> = HashMap::new();
     let mut c = Cursor::new(bytes, b';');
     while let Some((_, word)) = c.next_word() {
         if is_system(word) {
@@ -34,22 +36,36 @@ pub(super) fn targets(bytes: &[u8]) -> Named {
                 let named = operands(&mut c).into_iter().filter(|name| !name.is_empty() && !is_system(name));
                 let is_setup = is_one_of(word, &CURRENT) || is_one_of(word, &ELEMENTS);
                 let kind = if is_setup { &mut frames } else { &mut no_targets };
-                kind.extend(named.map(hashed));
+                kind.extend(named.map(|name| scopes.key(hashed(name), c.at)));
             } else {
                 c = start;
             }
             continue;
         }
         if word.eq_ignore_ascii_case(b"FRAME") {
-            declared.extend(declarations(&mut c));
+            declared.extend(declarations(&mut c).into_iter().map(|name| scopes.key(name, c.at)));
+        }
+        let parameters = scopes.parameters(hashed(word));
+        if !parameters.is_empty() {
+            let mut behind = c;
+            let mut more = behind.eat_in_line(b'(');
+            let mut parameters = parameters.iter();
+            while let Some(parameter) = parameters.next().filter(|_| more) {
+                behind.skip_blank();
+                let name = behind.word();
+                given.entry(parameter.key).or_default().push(scopes.key(hashed(name), behind.at));
+                more = next_argument(&mut behind);
+            }
         }
         let mut more = is_one_of(word, &MOTIONS);
         while more {
             c.skip_blank();
             let start = c.at;
             match operands(&mut c).as_slice() {
-                [place] => drop(moved_to.insert(hashed(place))),
-                places => drop(products.insert(places.iter().map(|place| hashed(place)).collect::<Vec<_>>())),
+                [place] => drop(moved_to.insert(scopes.key(hashed(place), start))),
+                places => drop(
+                    products.insert(places.iter().map(|place| scopes.key(hashed(place), start)).collect::<Vec<_>>()),
+                ),
             }
             more = c.at > start && c.eat_in_line(b',');
         }
@@ -71,8 +87,32 @@ pub(super) fn targets(bytes: &[u8]) -> Named {
         }
     }
     moved_to.extend(places);
+    // what is given to a target is one itself
+    let mut next: Vec<u64> = moved_to.iter().copied().collect();
+    while let Some(parameter) = next.pop() {
+        next.extend(given.remove(&parameter).into_iter().flatten().filter(|name| moved_to.insert(*name)));
+    }
     no_targets.extend(&frames);
     Named { moved_to, frames, no_targets }
+}
+
+/// From within an argument to the next one of the same call and line.
+fn next_argument(c: &mut Cursor<'_>) -> bool {
+    let mut depth = 0_usize;
+    for b in c.until(b";\n\r") {
+        match b {
+            b'(' | b'[' | b'{' => depth += 1,
+            b')' if depth == 0 => return false,
+            b')' | b']' | b'}' => depth = depth.saturating_sub(1),
+            b',' if depth == 0 => {
+                c.at += 1;
+                return true;
+            }
+            _ => {}
+        }
+        c.at += 1;
+    }
+    false
 }
 
 /// What stands at the cursor with the geometric operator between: names; empty where a `{...}` stands.

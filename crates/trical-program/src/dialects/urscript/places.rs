@@ -9,14 +9,14 @@ use crate::branch::Configuration;
 use crate::frames::AT;
 use crate::literal::Shape;
 use crate::names::{Origin, Way};
-use crate::scan::{Setup, Visit, hashed_as_written as hashed};
+use crate::scan::{Setup, Visit};
 use crate::text::{Span, lower};
 
 impl Reader<'_> {
     /// A place that is set to `get_inverse_kin(p[...])`, `pose_trans(plane,p[...])`, `pose_trans(plane,other)` or to
     /// what it is relative to, from behind the equals sign on.
     pub(super) fn placed(&mut self, name: Span) {
-        let hash = hashed(name.text(self.c.bytes));
+        let hash = self.key(name.text(self.c.bytes));
         let start = self.c;
         let (mut frame, mut near) = (None, None);
         for _ in 0..DEEPEST {
@@ -110,7 +110,7 @@ impl Reader<'_> {
 
     /// What the expression at the cursor is relative to: a name, or (`Some(None)`) where the arm is; `None` is
     /// something else.
-    fn origin(&mut self, depth: usize) -> Option<Option<u64>> {
+    pub(super) fn origin(&mut self, depth: usize) -> Option<Option<u64>> {
         self.c.skip_space();
         let word = self.c.word();
         if word.is_empty() || depth > DEEPEST {
@@ -118,12 +118,13 @@ impl Reader<'_> {
         }
         self.c.skip_blank();
         if self.c.peek() != b'(' {
-            return matches!(self.c.peek(), b'\n' | b'\r' | b'#' | b',' | b')' | 0).then_some(Some(hashed(word)));
+            return matches!(self.c.peek(), b'\n' | b'\r' | b'#' | b',' | b')' | 0).then_some(Some(self.key(word)));
         }
         self.c.at += 1;
         if self.is_kinematics(word) {
             if self.own_tool(word) {
-                self.names.no_target(hashed(self.c.word()));
+                let name = self.c.word();
+                self.names.no_target(self.key(name));
                 return None;
             }
             return self.origin(depth + 1);
@@ -145,7 +146,8 @@ impl Reader<'_> {
                 Literal::Numbers(shape, spans) => self.joint_values(shape, &spans),
                 _ => {
                     self.c.skip_space();
-                    self.joints.get(&hashed(self.c.word())).copied()
+                    let name = self.c.word();
+                    self.joints.get(&self.key(name)).copied()
                 }
             };
         }
@@ -185,7 +187,7 @@ impl Reader<'_> {
         }
         if !self.c.eat(b'(') {
             // a name, an element of a list
-            let name = hashed(word);
+            let name = self.key(word);
             let own = self.own_frame(name);
             if frame.is_some() && own.is_some() {
                 self.names.visit(Visit::Unknown);
@@ -205,7 +207,8 @@ impl Reader<'_> {
         if is_kinematics && self.own_tool(word) {
             self.names.visit(Visit::Unknown);
             self.scan.problem(at, "names a tool of its own (tcp=), which is not read");
-            self.names.no_target(hashed(self.c.word()));
+            let name = self.c.word();
+            self.names.no_target(self.key(name));
         } else if is_kinematics && (frame.is_none() || word != FORWARD) {
             if let Some(near) = self.nearest() {
                 self.names.visit(Visit::Like(near));
@@ -239,9 +242,9 @@ impl Reader<'_> {
         let (literal, base) = (self.literal(), self.c.word());
         let frame = match literal {
             Literal::Numbers(Shape::RotationVector, spans) => self.pose(&spans),
-            _ => self.values.get(&hashed(base)).copied().flatten(),
+            _ => self.values.get(&self.key(base)).copied().flatten(),
         };
-        let is_target = self.moved_to.contains(&hashed(base));
+        let is_target = self.moved_to.contains(&self.key(base));
         if let (false, Some(pose)) = (is_target, frame)
             && self.c.eat(b',')
         {

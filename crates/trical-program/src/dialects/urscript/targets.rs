@@ -5,7 +5,46 @@ use std::collections::{HashMap, HashSet};
 use super::{KINEMATICS, has_two, is_motion};
 use crate::expression::Constants;
 use crate::scan::hashed_as_written as hashed;
+use crate::scopes::Scopes;
 use crate::text::Cursor;
+
+/// Arguments of a call, at most.
+const MOST_ARGUMENTS: usize = 100;
+
+/// Words with which functions begin, and other blocks.
+const FUNCTIONS: [&[u8]; 3] = [b"def", b"thread", b"sec"];
+const BLOCKS: [&[u8]; 3] = [b"while", b"if", b"for"];
+
+/// The parameters of the functions.
+pub(super) fn scopes(bytes: &[u8]) -> Scopes {
+    let mut found = Scopes::default();
+    let mut c = Cursor::new(bytes, b'#');
+    while let Some((from, word)) = c.next_word() {
+        if FUNCTIONS.contains(&word) {
+            found.open();
+            c.skip_blank();
+            let function = hashed(c.word());
+            let line = c.at + c.until(b"\n").len();
+            let mut head = c;
+            head.bytes = bytes.get(..line).unwrap_or(bytes);
+            let mut more = head.eat(b'(');
+            while more {
+                head.skip_blank();
+                let name = head.word();
+                if !name.is_empty() {
+                    found.parameter(function, hashed(name), c.at);
+                }
+                more = next_argument(&mut head);
+            }
+            c.skip_line();
+        } else if BLOCKS.contains(&word) {
+            found.open();
+        } else if word == b"end" {
+            found.close(from);
+        }
+    }
+    found
+}
 
 /// What is assigned once, a number, and is no argument of a function.
 pub(super) fn constants(bytes: &[u8]) -> Constants {
@@ -14,7 +53,7 @@ pub(super) fn constants(bytes: &[u8]) -> Constants {
     let mut c = Cursor::new(bytes, b'#');
     while let Some((_, word)) = c.next_word() {
         c.skip_blank();
-        if [&b"def"[..], b"thread", b"sec"].contains(&word) {
+        if FUNCTIONS.contains(&word) {
             c.word();
             while !c.done() && !matches!(c.peek(), b')' | b'\n') {
                 let name = c.word();
@@ -43,9 +82,11 @@ pub(super) fn constants(bytes: &[u8]) -> Constants {
 
 /// From within an argument to the next one of the same call.
 pub(super) fn next_argument(c: &mut Cursor<'_>) -> bool {
-    let mut depth = 0;
+    let (mut depth, mut is_text) = (0, false);
     for b in c.until(b"") {
         match b {
+            b'"' => is_text = !is_text,
+            _ if is_text => {}
             b'(' | b'[' => depth += 1,
             b')' | b']' if depth == 0 => return false,
             b')' | b']' => depth -= 1,
@@ -61,6 +102,42 @@ pub(super) fn next_argument(c: &mut Cursor<'_>) -> bool {
     false
 }
 
+/// The arguments of a call, from its parenthesis on, that become parameters of a function of the script: each is at the cursor when it is
+/// taken, with what the parameter is called. The cursor ends at the parenthesis that closes.
+pub(super) fn each_argument<'a>(
+    scopes: &Scopes,
+    function: u64,
+    c: &mut Cursor<'a>,
+    mut take: impl FnMut(&mut Cursor<'a>, u64),
+) {
+    let parameters = scopes.parameters(function);
+    let mut places = 0..if parameters.is_empty() { 0 } else { MOST_ARGUMENTS };
+    let mut more = !parameters.is_empty();
+    c.at += usize::from(more);
+    while more {
+        c.skip_space();
+        if c.peek() == b')' {
+            break;
+        }
+        let start = *c;
+        let name = c.word();
+        let is_named = !name.is_empty() && c.eat_in_line(b'=') && c.peek() != b'=';
+        let parameter = if is_named {
+            let name = hashed(name);
+            parameters.iter().find(|p| p.name == name)
+        } else {
+            *c = start;
+            places.next().and_then(|k| parameters.get(k))
+        };
+        if let Some(parameter) = parameter {
+            let argument = *c;
+            take(c, parameter.key);
+            *c = argument;
+        }
+        more = places.start < MOST_ARGUMENTS && next_argument(c);
+    }
+}
+
 /// Past `name=` before an argument.
 pub(super) fn skip_name(c: &mut Cursor<'_>) {
     let start = *c;
@@ -70,7 +147,7 @@ pub(super) fn skip_name(c: &mut Cursor<'_>) {
 }
 
 /// The name of a place: `wp`, `pose=wp`, `get_inverse_kin(wp)`; and whether it stands in a function.
-fn place_name(c: &mut Cursor<'_>) -> Option<(u64, bool)> {
+fn place_name(c: &mut Cursor<'_>, scopes: &Scopes) -> Option<(u64, bool)> {
     let mut inside = false;
     loop {
         c.skip_space();
@@ -81,7 +158,7 @@ fn place_name(c: &mut Cursor<'_>) -> Option<(u64, bool)> {
             return None;
         }
         if !is_argument && !is_function {
-            return Some((hashed(name), inside));
+            return Some((scopes.key(hashed(name), c.at), inside));
         }
         inside |= is_function;
     }
@@ -96,42 +173,49 @@ pub(super) struct InFrame {
 
 /// Names that stand first in a motion, also inside a function: only these are targets when they are assigned. And names
 /// that stand in a frame.
-pub(super) fn targets(bytes: &[u8]) -> (HashSet<u64>, HashMap<u64, InFrame>) {
-    let (mut all, mut copies) = (HashSet::new(), Vec::new());
+pub(super) fn targets(bytes: &[u8], scopes: &Scopes) -> (HashSet<u64>, HashMap<u64, InFrame>) {
+    let (mut all, mut copies) = (HashSet::new(), HashMap::<u64, Vec<u64>>::new());
     let mut in_frames: HashMap<u64, InFrame> = HashMap::new();
     let mut c = Cursor::new(bytes, b'#');
     while let Some((_, word)) = c.next_word() {
         let start = c;
         if c.eat_in_line(b'=') {
-            if let Some((source, inside)) = place_name(&mut c) {
+            if let Some((source, inside)) = place_name(&mut c, scopes) {
                 c.skip_blank();
                 let is_end = matches!(c.peek(), b'\n' | b'\r' | b'#' | 0) || inside && matches!(c.peek(), b',' | b')');
-                copies.extend(is_end.then_some((hashed(word), source)));
+                if is_end {
+                    copies.entry(scopes.key(hashed(word), start.at)).or_default().push(source);
+                }
             }
         } else if word == b"pose_trans" && c.eat(b'(') {
             let from = c.at;
             let is_second = next_argument(&mut c);
             let frame = hashed(bytes.get(from..c.at).unwrap_or(&[]).trim_ascii());
-            if let (true, Some((name, _))) = (is_second, place_name(&mut c)) {
+            if let (true, Some((name, _))) = (is_second, place_name(&mut c, scopes)) {
                 let uses = in_frames.entry(name).or_insert(InFrame { frame: Some(frame), times: 0 });
                 uses.frame = uses.frame.filter(|other| *other == frame);
                 uses.times += 1;
             }
         } else if is_motion(word) && c.eat(b'(') {
             let mut second = c;
-            all.extend(place_name(&mut c).map(|(name, _)| name));
+            all.extend(place_name(&mut c, scopes).map(|(name, _)| name));
             // a circle goes by way of its first
             if has_two(word) && next_argument(&mut second) {
-                all.extend(place_name(&mut second).map(|(name, _)| name));
+                all.extend(place_name(&mut second, scopes).map(|(name, _)| name));
             }
+        } else if c.peek() == b'(' {
+            each_argument(scopes, hashed(word), &mut c, |c, parameter| {
+                if let Some((source, _)) = place_name(&mut c.clone(), scopes) {
+                    copies.entry(parameter).or_default().push(source);
+                }
+            });
         }
         c = start;
     }
-    // what is copied to a target is one itself; the last copy comes first
-    for (copy, source) in copies.into_iter().rev() {
-        if all.contains(&copy) {
-            all.insert(source);
-        }
+    // what is copied or given to a target is one itself
+    let mut next: Vec<u64> = all.iter().copied().collect();
+    while let Some(copy) = next.pop() {
+        next.extend(copies.remove(&copy).into_iter().flatten().filter(|source| all.insert(*source)));
     }
     (all, in_frames)
 }
@@ -139,7 +223,7 @@ pub(super) fn targets(bytes: &[u8]) -> (HashSet<u64>, HashMap<u64, InFrame>) {
 /// Names that are assigned several times, not all of them along one function outside of its branches and loops, or used
 /// elsewhere: of these the text above does not say the value. Of names in frames it is seen whether they stand
 /// elsewhere too.
-pub(super) fn unsteady(bytes: &[u8], in_frames: &mut HashMap<u64, InFrame>) -> HashSet<u64> {
+pub(super) fn unsteady(bytes: &[u8], scopes: &Scopes, in_frames: &mut HashMap<u64, InFrame>) -> HashSet<u64> {
     /// In which function a name stands first, how often it is assigned, whether in a block or seen in another function,
     /// and how often it is read.
     type Seen = (usize, u32, bool, u32);
@@ -150,17 +234,19 @@ pub(super) fn unsteady(bytes: &[u8], in_frames: &mut HashMap<u64, InFrame>) -> H
     let mut c = Cursor::new(bytes, b'#');
     while let Some((_, word)) = c.next_word() {
         match word {
-            b"def" | b"thread" | b"sec" => {
+            _ if FUNCTIONS.contains(&word) => {
                 functions += 1;
                 open.push(Some(functions));
+                c.skip_line();
             }
-            b"while" | b"if" | b"for" => open.push(None),
+            _ if BLOCKS.contains(&word) => open.push(None),
             b"end" => drop(open.pop()),
             _ => {
                 c.skip_blank();
                 let assigned = c.assigns();
                 let function = open.iter().rev().find_map(|f| *f).unwrap_or(0);
-                let (first, count, elsewhere, read) = names.entry(hashed(word)).or_insert((function, 0, false, 0));
+                let name = scopes.key(hashed(word), c.at);
+                let (first, count, elsewhere, read) = names.entry(name).or_insert((function, 0, false, 0));
                 *count = count.saturating_add(u32::from(assigned));
                 *read = read.saturating_add(u32::from(!assigned));
                 *elsewhere |= *first != function || assigned && open.last() == Some(&None);

@@ -16,6 +16,18 @@ pub(super) const FANUC: &[Case] = &[
         &[(6, "sensor"), (9, "sensor")],
     ),
     case(
+        "places of a pallet, a position at which the arm stands",
+        "/PROG A\n/MN\n   1:  PALLETIZING-B_1 ;\n   2:J PAL_1[A_1] 100% FINE ;\n   3:L PAL_1[BTM] 100mm/sec FINE ;\n   4:L @P[1] 100mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[11],
+        &[(4, "'PAL_1[A_1]'"), (5, "'PAL_1[BTM]'")],
+    ),
+    case(
+        "a second arm and a positioner",
+        "/PROG A\n/MN\n   1:L P[1] 100mm/sec FINE ;\n   2:L P[2] 100mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n GP2:\n\tUF : 0, UT : 0,\n\tJ1= 5.000 deg\n};\nP[2]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@1\n GP2:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@1\n};\n/END\n",
+        &[9, 17],
+        &[(14, "another arm too")],
+    ),
+    case(
         "lines without numbers",
         "/PROG A\n/MN\n  :  !remark ;\n  :J P[1] 100% FINE ;\n:SR[1]=5 ;\n  :L PR[2:cache] R[4]mm/sec CR5 ACC R[6] Skip,LBL[1] ;\nL PR[3] 100mm/sec FINE ;\n  PR[3,1:x]=5 ;\n  PR[3]=P[1] ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
         &[14],

@@ -4,6 +4,18 @@ use super::{Case, case};
 
 pub(super) const KRL: &[Case] = &[
     case(
+        "arguments that are called as other names",
+        "DEF A()\nDECL E6POS P={@0}\nDECL E6POS XP1={@1}\nDECL FRAME T={X 0,Y 0,Z 100,A 0,B 0,C 0}\nCONST REAL H=200\nLIN P\nGO(XP1)\nGO({@2})\nGO(SEEN())\nTIP(T,100)\nEND\nDEF GO(P:IN)\nDECL E6POS P\nLIN P\nEND\nDEF TIP(T:IN,H:IN)\nDECL FRAME T\n$TOOL=T\nLIN {@3}\nLIN {X @X3,Y @Y3,Z H,A 0,B 0,C 0}\nEND\n",
+        &[2, 3, 8],
+        &[(9, "calculated"), (19, "is an argument"), (20, "'H'")],
+    ),
+    case(
+        "a target that is handed on from routine to routine with its tool",
+        "DEF A()\nDECL E6POS XP1={@0}\n$TOOL={X 18,Y -12,Z 118,A 0,B 0,C 0}\nOVER(XP1,20)\nEND\nDEF OVER(P:IN,H:IN)\nGO(H,P)\nEND\nDEF GO(H:IN,Q:IN)\nLIN Q\nEND\n",
+        &[2],
+        &[],
+    ),
+    case(
         "inline forms of splines",
         "DECL E6POS XP1={@0,S 2,T @T0}\nDECL FDAT FP1={TOOL_NO 1,BASE_NO 0,IPO_FRAME #BASE,POINT2[] \" \"}\nDECL E6POS XP2={@1,S 2,T @T1}\nDECL FDAT FP2={TOOL_NO 1,BASE_NO 0,IPO_FRAME #BASE}\nDECL E6POS XP3={@2,S 2,T @T2}\nDECL FDAT FP3={TOOL_NO 1,BASE_NO 0,IPO_FRAME #TCP}\nTOOL_DATA[1]={X 18,Y -12,Z 118,A 0,B 0,C 0}\nSPTP XP1 WITH $VEL_AXIS[1]=SVEL_JOINT(100.0), $TOOL=STOOL2( FP1), $BASE=SBASE( FP1.BASE_NO), $IPO_MODE=SIPO_MODE(FP1.IPO_FRAME)\nSLIN XP2 WITH $VEL=SVEL_CP(0.1, ,LL), $TOOL=STOOL2(FP2), $BASE=EK(K_ROOT(FP2.BASE_NO),K_TYPE(FP2.BASE_NO),K_OFFS(FP2.BASE_NO)) C_SPL\nSLIN XP3 WITH $TOOL=STOOL2(FP3), $BASE=SBASE(FP3.BASE_NO)\nSPTP XHOME WITH $TOOL=STOOL2(FHOME), $BASE=SBASE(FHOME.BASE_NO)\n",
         &[1],

@@ -4,6 +4,16 @@ use super::{Case, case};
 
 pub(super) const RAPID: &[Case] = &[
     case(
+        "a tool and a work object of a record, a routine whose name the program puts together",
+        "MODULE M\nCONST robtarget p1:=@0;\nCONST robtarget p2:=@1;\nCONST robtarget p3:=@2;\nPROC main()\nMoveL p1,cell.speed,fine,cell.tool0;\nMoveL p2,v100,fine,tool0\\WObj:=cell.wobj0;\n%\"Go\"+NumToStr(1,0)%p3;\nMoveL @3,cell.speed,cell.zone,tool0;\nENDPROC\nENDMODULE\n",
+        &[9],
+        &[
+            (2, "'cell.tool0' is a part of a record"),
+            (3, "'cell.wobj0' is a part of a record"),
+            (4, "in none of the files read"),
+        ],
+    ),
+    case(
         "constants",
         "CONST num h:=20;\nCONST robtarget p:=[[@X0+h-20,(@Y0),@Z0*1],[@R0],@C0,[9E9,9E9,9E9,9E9,9E9,9E9]];\nMoveL p,v100,fine,tool0;\n",
         &[2],

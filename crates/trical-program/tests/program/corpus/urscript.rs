@@ -41,6 +41,24 @@ pub(super) const URSCRIPT: &[Case] = &[
         &[(2, "'where'"), (3, "'h'")],
     ),
     case(
+        "parameters that are called as other names",
+        "def go(where):\n  movel(where, a=1)\nend\ndef tip(tcp):\n  set_tcp(tcp)\n  movel(p[@0])\nend\nwhere=p[@1]\ntcp=p[0,0,0.1,0,0,0]\ngo(where)\ngo(p[@2])\ngo(seen())\ntip(p[0,0,0.05,0,0,0])\n",
+        &[8, 11],
+        &[(6, "set_tcp is computed"), (12, "calculated")],
+    ),
+    case(
+        "arguments by name, by default, in functions, on several lines",
+        "def go(where=p[@0], h=0.1):\n  via(where)\n  movel(where)\nend\ndef via(p1):\n  movej(get_inverse_kin(p1))\nend\nwhere=p[@1]\ngo()\ngo(h=0.2, where=p[@2])\ngo(where)\ngo(\n  where=p[@3],\n  h=0)\nmovel(where)\ntextmsg(\"a)\", where)\n",
+        &[1, 8, 10, 13],
+        &[],
+    ),
+    case(
+        "a plane and a place in it as arguments",
+        "def go(rel):\n  plane=p[0,0,0,0,0,0]\n  movel(pose_trans(plane, rel))\nend\ndef on(plane):\n  movel(pose_trans(plane, p[@0]))\nend\ngo(p[@1])\non(p[0,0,0,0,0,0])\n",
+        &[8],
+        &[(9, "calculated")],
+    ),
+    case(
         "a feature plane",
         "Plane_1=p[0,0,0,0,0,0]\nmovel(pose_trans(Plane_1, p[@0]), a=1)\nwp=p[@1]\nmovej(get_inverse_kin(pose_trans(Plane_1, p[@2])))\nmovel(wp)\n",
         &[2, 3, 4],

@@ -410,6 +410,9 @@ fn wrong_input_is_noticed() {
     assert!(told.contains("not every name has a date such as 2026-11-22"), "{told}");
     let at = |name: &str| told.find(name).unwrap_or_else(|| panic!("{name} in {told}"));
     assert!(at("run_1.csv") < at("run_2.CSV") && at("run_2.CSV") < at("run_10.csv"), "{told}");
+    let told = place.good(&words("history runs --model m.toml --report h.html --table h.csv"));
+    assert!(told.ends_with("\n\nWrote h.html and h.csv\n"), "{told}");
+    place.refuses(&words("history runs --model m.toml --table runs/h.csv"), &["--table: runs/h.csv", "for a session"]);
     // files that are no recordings
     place.write("sheet.xlsx", "PK\u{3}\u{4}xl/workbook.xml");
     place.refuses(&identify("sheet.xlsx"), &["sheet.xlsx: is a spreadsheet", "save the sheet as CSV"]);

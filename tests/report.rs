@@ -308,7 +308,7 @@ fn what_was_rejected_is_named_in_the_report() {
     let line = changed(&place, "q1_deg", 1.5, "bad.csv");
     place.good(&in_cell("identify bad.csv --report i.html"));
     let html = text_of(&place.path("i.html"));
-    assert!(html.contains("1 of 45 rows were rejected"), "{}", verdict(&html));
+    assert!(html.contains("Rejected: 1 of 45 rows"), "{}", verdict(&html));
     assert!(html.contains(&format!("<td>bad.csv</td><td>line {line}</td>")));
     // kept, it is told that it was
     place.good(&in_cell("identify bad.csv --report i.html --keep-outliers"));

@@ -53,7 +53,7 @@ __all__ = [
     "_virtual_cell",
 ]
 
-_Path = str | os.PathLike[str]
+_Path = str | bytes | os.PathLike[Any]
 _Floats = npt.NDArray[np.float64]
 _Listener = Callable[[float, str], object] | None
 _Touches = tuple[npt.NDArray[np.int64], _Floats, _Floats, list[_Floats], npt.NDArray[np.int8], str]

@@ -4,10 +4,12 @@ In a chapter, an HTML comment before a code block says what to do with it:
 
     <!-- run -->          run the shell block; it must succeed
     <!-- run: fails 2 --> run it; its last command must end with that exit code
-    <!-- output -->       each line of this block was printed by the block run before it; numbers and spaces may differ,
-                          a line that ends with ... is compared up to there, a line that is only ... with nothing
+    <!-- output -->       each line of this block was printed by the block run before it; decimals and spaces may
+                          differ, a line that ends with ... is compared up to there, a line that is only ... with
+                          nothing
 
-In the chapter of messages, `<!-- provoke 2: COMMAND; COMMAND -->` makes the message of the heading before it appear.
+In the chapter of messages, `<!-- provoke 2: COMMAND; COMMAND -->` makes the message of the heading before it appear,
+with numbers of its own.
 """
 
 from __future__ import annotations
@@ -34,6 +36,7 @@ NOTE = re.compile(r"^<!-- (run|output)(?:: fails (\d+))? -->\n+```(\w*)\n(.*?)^`
 PROVOKED = re.compile(r"^### `([^\n]+)`\n+<!-- provoke (\d+): (.*?) -->$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\[[^\]]*\]\(([^)#\s]+)(?:#[^)]*)?\)")
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
+MEASURED = re.compile(r"[-+]?\d+(\.\d+(e[-+]?\d+)?|e[-+]?\d+)")
 
 
 @dataclass(frozen=True)
@@ -83,7 +86,8 @@ def shell(tmp_path: Path) -> Iterator[object]:
 
 
 def plain(line: str) -> str:
-    return " ".join(NUMBER.sub("#", line).split())
+    """A line without what differs from machine to machine: numbers with decimals, and spaces."""
+    return " ".join(MEASURED.sub("#", line).split())
 
 
 def printed(wanted: str, lines: list[str]) -> bool:

@@ -169,6 +169,7 @@ def test_it_says_what_it_holds(recording: trical.Recording) -> None:
         ({"position": np.zeros((3, 3))}, r"position has the shape \[3, 3\], expected \[2, 3\]"),
         ({"position": [[0, 0, 1], [0, np.nan, 1]]}, "position, row 1: found NaN, expected a number between"),
         ({"position": [0, 0, 1], "time": [2, 1]}, "time, row 1: found 1 after 2"),
+        ({"distance": 1, "time": 1.7e9}, "seconds since the recording began; subtract the first time"),
         ({"position": [0, 0, 1], "orientation": [1, 1, 0, 0]}, "the quaternion has length 1.4142, expected 1"),
         ({"position": [0, 0, 1], "directions": [2, 0]}, "directions, row 0: found 2, expected -1, 0 or 1"),
         ({"position": [0, 0, 1], "target": 1, "reference": 1}, "names a target and a reference"),
@@ -249,6 +250,10 @@ def test_what_is_no_recording_is_said_in_one_sentence(tmp_path: Path) -> None:
     path = str(made.recording).encode()
     robot = str(made.robot).encode()
     assert trical.identify(path, robot=robot, cell=made.cell).observations > 0  # type: ignore[arg-type]
+    copy = str(tmp_path / "copy").encode()
+    for kind, file in ((trical.Robot, robot), (trical.Cell, str(made.cell).encode())):
+        kind.load(file).save(copy)
+        assert kind.load(copy).to_toml() == kind.load(file).to_toml()
 
 
 def test_frames_keep_an_index_that_is_a_column_and_lack_what_is_missing(tmp_path: Path) -> None:

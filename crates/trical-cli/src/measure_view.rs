@@ -7,6 +7,7 @@ use std::time::Instant;
 use indicatif::{ProgressBar, ProgressStyle};
 use trical_device::session::{SessionError, Told};
 use trical_device::{Progress, RunReport, Session};
+use trical_report::table;
 
 use crate::error::{CliError, Result};
 
@@ -57,10 +58,10 @@ pub fn perform(session: &Session<'_>, then: &str, watch: &mut dyn FnMut(Progress
 /// What a run did, in a sentence.
 pub fn done(report: &RunReport, out: &Path) -> String {
     format!(
-        "{} touches measured ({} had been done before), {} corrections; recorded in {}",
-        report.measured,
+        "{} measured ({} had been done before), {}; recorded in {}",
+        table::counted(report.measured, "touch"),
         report.skipped,
-        report.corrections,
+        table::counted(report.corrections, "correction"),
         out.display()
     )
 }

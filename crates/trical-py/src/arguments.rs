@@ -1,9 +1,16 @@
 //! Arguments that several functions have, from Python's strings.
 
-use pyo3::PyResult;
+use std::path::PathBuf;
+
+use pyo3::prelude::*;
 use trical_ident::{JointSource, ParameterSet};
 
 use crate::errors::bad;
+
+/// A path as Python has them: text, bytes, or an object that has one.
+pub fn path_of(given: &Bound<'_, PyAny>) -> PyResult<PathBuf> {
+    given.py().import("os")?.call_method1("fsdecode", (given,))?.extract()
+}
 
 /// Which joint angles to use; `None` for those that the data is to choose.
 pub fn source(joints: &str) -> PyResult<Option<JointSource>> {

@@ -8,7 +8,9 @@ use pyo3::prelude::*;
 use trical_model::urdf::UrdfPath;
 use trical_model::{Cell, JointKind, Robot};
 use trical_plan::geometry::mesh::resolve_meshes;
+use trical_report::table::counted;
 
+use crate::arguments::path_of;
 use crate::errors::{Failed, Result, bad, write};
 
 /// A nominal arm: modified Denavit-Hartenberg parameters, limits, masses.
@@ -19,7 +21,7 @@ pub struct PyRobot(pub Robot);
 impl PyRobot {
     /// Reads a robot.toml, or a URDF as in "arm.urdf#base_link:tool0".
     #[staticmethod]
-    fn load(path: PathBuf) -> Result<Self> {
+    fn load(#[pyo3(from_py_with = path_of)] path: PathBuf) -> Result<Self> {
         Ok(Self(Robot::load(&path)?))
     }
 
@@ -35,7 +37,7 @@ impl PyRobot {
     }
 
     /// Writes a robot.toml.
-    fn save(&self, path: PathBuf) -> Result<()> {
+    fn save(&self, #[pyo3(from_py_with = path_of)] path: PathBuf) -> Result<()> {
         Ok(write(&path, self.0.to_toml().as_bytes())?)
     }
 
@@ -98,7 +100,7 @@ fn load_cell(path: &Path) -> Result<Cell> {
 impl PyCell {
     /// Reads a cell.toml.
     #[staticmethod]
-    fn load(path: PathBuf) -> Result<Self> {
+    fn load(#[pyo3(from_py_with = path_of)] path: PathBuf) -> Result<Self> {
         load_cell(&path).map(Self)
     }
 
@@ -116,7 +118,7 @@ impl PyCell {
     }
 
     /// Writes a cell.toml.
-    fn save(&self, path: PathBuf) -> Result<()> {
+    fn save(&self, #[pyo3(from_py_with = path_of)] path: PathBuf) -> Result<()> {
         Ok(write(&path, self.0.to_toml().as_bytes())?)
     }
 
@@ -153,13 +155,12 @@ impl PyCell {
     }
 
     fn __repr__(&self) -> String {
-        let count = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
         let cell = &self.0;
         format!(
             "<trical.Cell with {}, {}, {}>",
-            count(cell.balls.len(), "ball"),
-            count(cell.tool.targets.len(), "target"),
-            count(cell.anchors.len(), "anchor")
+            counted(cell.balls.len(), "ball"),
+            counted(cell.tool.targets.len(), "target"),
+            counted(cell.anchors.len(), "anchor")
         )
     }
 }

@@ -12,6 +12,7 @@ use trical_model::{Cell, Forward, Joints, MAX_JOINTS, Model, Pose, Rigid, State,
 use trical_report::ErrorMap;
 use trical_report::error_map::Miss;
 
+use crate::arguments::path_of;
 use crate::arrays::{Beside, Known, States, Table, floats, joints_array, rows_or_one};
 use crate::errors::{Failed, Result, bad, write};
 use crate::long::long;
@@ -89,12 +90,12 @@ impl PyModel {
 
     /// Reads a model file (calibrated.toml, improved.toml).
     #[staticmethod]
-    fn load(path: PathBuf) -> Result<Self> {
+    fn load(#[pyo3(from_py_with = path_of)] path: PathBuf) -> Result<Self> {
         Self::new(ModelFile::load(&path)?)
     }
 
     /// Writes a model file.
-    fn save(&self, path: PathBuf) -> Result<()> {
+    fn save(&self, #[pyo3(from_py_with = path_of)] path: PathBuf) -> Result<()> {
         Ok(write(&path, self.file.to_toml()?.as_bytes())?)
     }
 
@@ -196,7 +197,7 @@ impl PyModel {
     }
 
     /// Writes the rigid part as a URDF.
-    fn save_urdf(&self, path: PathBuf) -> Result<()> {
+    fn save_urdf(&self, #[pyo3(from_py_with = path_of)] path: PathBuf) -> Result<()> {
         Ok(write(&path, self.to_urdf()?.as_bytes())?)
     }
 

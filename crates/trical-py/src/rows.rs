@@ -14,6 +14,7 @@ use trical_recording::csv::is_nothing;
 use trical_recording::mcap::{Header, write_recording};
 use trical_recording::{Places, open, open_damaged, output, parse, refuse_other_units, to_csv};
 
+use crate::arguments::path_of;
 use crate::arrays::floats;
 use crate::errors::{RecordingError, Result, bad, check, write};
 
@@ -119,8 +120,13 @@ impl Column {
         let Some(row) = self.row(k) else { return Ok(None) };
         match row.iter().find(|x| x.is_nan() || x.abs() > limit) {
             None => Ok(Some(row)),
-            Some(x) => Err(self.wrong(k, *x, &format!("a number between -{limit} and {limit}"))),
+            Some(x) => Err(self.wrong(k, *x, &format!("a number between -{limit} and {limit}{}", self.meaning()))),
         }
+    }
+
+    /// What is missed where a clock is taken for the time of a recording.
+    fn meaning(&self) -> &'static str {
+        if self.name == "time" { ": seconds since the recording began; subtract the first time" } else { "" }
     }
 
     fn number(&self, k: usize) -> Option<f64> {
@@ -447,7 +453,7 @@ impl PyRows {
     }
 
     /// Writes a .csv or an .mcap.
-    fn save(&self, path: PathBuf) -> Result<()> {
+    fn save(&self, #[pyo3(from_py_with = path_of)] path: PathBuf) -> Result<()> {
         save(&self.0, &path)
     }
 }

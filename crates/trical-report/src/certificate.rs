@@ -4,12 +4,15 @@ use minijinja::context;
 use sha2::{Digest, Sha256};
 use trical_ident::iso9283::{LIMITS_MM, OverPoses, Performance, performance, visited};
 use trical_ident::{Calibration, Dataset, ModelFile, Observation, Validation};
-use trical_model::{Measured, Model};
+use trical_model::Model;
 
 use crate::error::{Error, Result};
-use crate::evidence::{row, where_measured};
+use crate::evidence::{in_socket, row, where_measured};
 use crate::page::{self, Made};
 use crate::validate_report::cautions;
+
+/// Where a fit was made its errors are smaller than elsewhere.
+const AT_THE_FIT: &str = " at the poses of the fit";
 
 /// To be filled in by hand.
 const BY_HAND: &str = "________________________";
@@ -39,7 +42,7 @@ pub fn of_validation(v: &Validation, made: &Made) -> Result<String> {
         &Column { model: &v.model, data: &data, errors: &after },
         (&names, v.rejected.iter().filter(|r| names.contains(&r.recording.as_str())).count()),
         None,
-        notes_of(v),
+        (if others { "" } else { AT_THE_FIT }.into(), notes_of(v)),
         made,
     )
 }
@@ -64,12 +67,16 @@ fn notes_of(v: &Validation) -> Vec<String> {
 /// A model that cannot be evaluated.
 pub fn of_calibration(c: &Calibration, made: &Made) -> Result<String> {
     let after = c.fitted.errors()?;
+    let mut at = AT_THE_FIT.to_owned();
     let mut notes = vec![match c.held_out.worst() {
-        Some((how, e)) => format!(
-            "These are the poses of the fit. At poses that the fit did not see ({how}) the error is {:.3} mm on average and {:.3} mm at \
-             most. `trical validate` certifies the model on another recording.",
-            e.mean_mm, e.max_mm
-        ),
+        Some((how, e)) => {
+            at += &format!(", and by {:.3} mm at poses that the fit did not see", e.mean_mm);
+            format!(
+                "The numbers above are at the poses of the fit. At poses that the fit did not see ({how}) the error is {:.3} mm on average \
+                 and {:.3} mm at most. `trical validate` certifies the model on another recording.",
+                e.mean_mm, e.max_mm
+            )
+        }
         None => "These are the poses of the fit: the numbers say nothing about other poses.".to_owned(),
     }];
     if c.passes.is_some() {
@@ -80,17 +87,14 @@ pub fn of_calibration(c: &Calibration, made: &Made) -> Result<String> {
         &Column { model: &c.fitted.model, data: &c.fitted.data, errors: &after },
         (&c.fitted.data.names.iter().map(String::as_str).collect::<Vec<_>>(), c.rejected),
         Some(&ModelFile::of_fit(&c.fitted)),
-        notes,
+        (at, notes),
         made,
     )
 }
 
 fn instrument(data: &Dataset) -> String {
-    // a ball that is laid into sockets has no indicators
-    let laid = |o: &Observation| {
-        matches!(o.measured, Measured::Touch { reading: [0.0, 0.0, 0.0], .. }) && o.state.place.is_some()
-    };
-    let named = |o: &Observation| if laid(o) { "a ball in sockets, guided by hand" } else { o.measured.instrument() };
+    let named =
+        |o: &Observation| if in_socket(o) { "a ball in sockets, guided by hand" } else { o.measured.instrument() };
     let mut kinds: Vec<&str> = data.observations.iter().map(named).collect();
     kinds.sort_unstable();
     kinds.dedup();
@@ -139,10 +143,10 @@ fn render(
     after: &Column<'_>,
     (recordings, rejected): (&[&str], usize),
     file: Option<&ModelFile>,
-    mut notes: Vec<String>,
+    (at, mut notes): (String, Vec<String>),
     made: &Made,
 ) -> Result<String> {
-    let mean = |errors: &[f64]| trical_ident::ErrorSummary::of(errors).mean_mm;
+    let [was, is] = [before, after].map(|c| trical_ident::ErrorSummary::of(c.errors).mean_mm);
     let (numbers, told) = numbers(before, after)?;
     let [fewest, most] = told.visits;
     let visits = match (fewest, most) {
@@ -183,11 +187,12 @@ fn render(
         inputs.push(("The model".to_owned(), hash));
     }
     inputs.extend(made.hashes().map(|(name, hash)| (name.to_owned(), hash.to_owned())));
-    let summary = format!(
-        "The calibrated model of this arm errs by {:.3} mm on average; the nominal arm by {:.3} mm.",
-        mean(after.errors),
-        mean(before.errors)
-    );
+    let model = if is < was {
+        "The calibrated model of this arm errs"
+    } else {
+        "Do not use this model here: it is no better than the nominal arm. It errs"
+    };
+    let summary = format!("{model} by {is:.3} mm on average{at}; the nominal arm by {was:.3} mm.");
     let values = context! {
         title => format!("Calibration certificate: {}", robot.name),
         summary, fields, numbers, notes, inputs,
@@ -202,7 +207,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::test_data::{arm, data, pose, validation};
-    use trical_model::State;
+    use trical_model::{Measured, State};
 
     #[test]
     fn shares_within_a_limit_and_the_worst_measurement_are_those_of_each_column() {
@@ -233,7 +238,8 @@ mod tests {
             |k: u8| [0, 1, 2].map(|target| (pose(k), Measured::Point { target, position: [0.1, 0.2, f64::from(k)] }));
         let data = data(&[(0..4).flat_map(points).collect()]);
         let column = || Column { model: &model, data: &data, errors: &[1e-3; 12] };
-        let page = render(&column(), &column(), (&[], 0), None, Vec::new(), &Made::by("x".into(), &[])).unwrap();
+        let page =
+            render(&column(), &column(), (&[], 0), None, Default::default(), &Made::by("x".into(), &[])).unwrap();
         assert!(page.contains("12 at 4 poses"), "{page}");
         assert!(
             page.contains("here 12 places (each point of the tool at each pose is one) were visited once each"),
@@ -241,7 +247,8 @@ mod tests {
         );
         let touches = data_of_touches();
         let column = || Column { model: &model, data: &touches, errors: &[1e-3; 4] };
-        let page = render(&column(), &column(), (&[], 0), None, Vec::new(), &Made::by("x".into(), &[])).unwrap();
+        let page =
+            render(&column(), &column(), (&[], 0), None, Default::default(), &Made::by("x".into(), &[])).unwrap();
         assert!(page.contains("here 4 poses were visited once each"), "{page}");
     }
 
@@ -263,17 +270,40 @@ mod tests {
     }
 
     #[test]
+    fn the_first_sentence_says_where_a_model_is_no_better_and_where_it_was_fitted() {
+        let first = |v: &Validation| {
+            let page = of_validation(v, &Made::by("x".into(), &[])).unwrap().replace('\u{a0}', " ");
+            page.split("</h1>")
+                .nth(1)
+                .unwrap()
+                .split("</p>")
+                .next()
+                .unwrap()
+                .trim()
+                .trim_start_matches("<p>")
+                .to_owned()
+        };
+        let mut v = validation(1.0, 1.5);
+        let no_better = "Do not use this model here: it is no better than the nominal arm. It errs by 1.500 mm on average; the nominal";
+        assert!(first(&v).starts_with(no_better), "{}", first(&v));
+        v = validation(1.0, 0.5);
+        v.sessions[0].learnt = Some(1);
+        let fitted = "errs by 0.500 mm on average at the poses of the fit; the nominal arm by 1.000 mm.";
+        assert!(first(&v).ends_with(fitted), "{}", first(&v));
+    }
+
+    #[test]
     fn beside_other_recordings_those_of_the_fit_are_not_certified() {
         let mut v = validation(1.0, 0.5);
         let touch = Measured::Touch { ball: 0, reading: [0.0; 3] };
         let two = data(&[(0..4).map(|k| (pose(k), touch)).collect(), (4..8).map(|k| (pose(k), touch)).collect()]);
-        v.errors.extend([(1e-3, 2e-3); 4]);
+        v.errors.extend([(2e-3, 1e-3); 4]);
         (v.data, v.nominal.1) = (two.clone(), two);
         let other = trical_ident::SessionErrors { recording: "r1.csv".into(), ..v.sessions[0].clone() };
         v.sessions.push(other);
         v.sessions[0].learnt = Some(1);
         let page = of_validation(&v, &Made::by("x".into(), &[])).unwrap().replace('\u{a0}', " ");
-        assert!(page.contains("errs by 2.000 mm on average; the nominal arm by 1.000 mm"), "{page}");
+        assert!(page.contains("errs by 1.000 mm on average; the nominal arm by 2.000 mm"), "{page}");
         assert!(
             page.contains("without r0.csv, which the model was fitted to") && page.contains("4 at 4 poses"),
             "{page}"

@@ -3,7 +3,7 @@
 
 use nalgebra::{Vector3, Vector6};
 use statrs::distribution::{ContinuousCDF, StudentsT};
-use trical_ident::{Dataset, ErrorSummary, JointSource, Noise, Rejected, shown};
+use trical_ident::{Dataset, ErrorSummary, JointSource, Noise, Observation, Rejected, shown};
 use trical_model::{Forward, Joint, Joints, MAX_JOINTS, Measured, Model, Robot, Term};
 use trical_plan::{CollisionModel, PlanEntry};
 
@@ -45,7 +45,7 @@ pub fn row<const N: usize>(cells: [&str; N]) -> Vec<String> {
 pub fn six(model: &Model, data: &Dataset) -> Result<Vec<Vector6<f64>>> {
     let forward = Forward::new(model.clone(), Vec::new())?;
     let mut ws = forward.workspace();
-    let of = |o: &trical_ident::Observation| {
+    let of = |o: &Observation| {
         let rows = forward.residual(&o.state, &o.measured, o.frame, &mut ws);
         Vector6::from_fn(|k, _| if k < rows { ws.residual()[k] } else { 0.0 })
     };
@@ -310,12 +310,20 @@ pub fn joints_used(source: JointSource) -> String {
     format!("Joint angles that were used: {}.", format!("{source:?}").to_lowercase())
 }
 
+/// Play of a ball in a printed socket, mm along each axis.
+const SOCKET_MM: f64 = 0.1;
+
+/// Whether a touch is a ball laid into a socket: it has no indicators, and stood at a place.
+pub fn in_socket(o: &Observation) -> bool {
+    matches!(o.measured, Measured::Touch { reading: [0.0, 0.0, 0.0], .. }) && o.state.place.is_some()
+}
+
 /// Recordings of which more is left than the usual noise of their kind.
 pub fn beyond_noise(model: &Model, data: &Dataset) -> Result<Vec<String>> {
     let usual = Noise::usual(data.names.len());
     let mut sums = vec![(0.0, 0.0); data.names.len()];
     for (o, r) in data.observations.iter().zip(residuals(model, data)?) {
-        let sigma = usual.sigma(o.recording, &o.measured, 0) * 1e3;
+        let sigma = if in_socket(o) { SOCKET_MM } else { usual.sigma(o.recording, &o.measured, 0) * 1e3 };
         let (square, n) = &mut sums[o.recording];
         *square += (r / sigma).norm_squared();
         *n += if matches!(o.measured, Measured::Distance { .. }) { 1.0 } else { 3.0 };
@@ -326,8 +334,8 @@ pub fn beyond_noise(model: &Model, data: &Dataset) -> Result<Vec<String>> {
         .map(|(name, f)| {
             format!(
                 "The residuals of {name} are {f:.0} times the usual noise (0.01 mm along each axis for touches, points and lengths, \
-                 0.05 mm for poses): either the measurement is that much worse, or the model lacks something; `trical diagnose` looks \
-                 for it."
+                 0.1 mm for a ball in a printed socket, 0.05 mm for poses): either the measurement is that much worse, or the model lacks \
+                 something; `trical diagnose` looks for it."
             )
         })
         .collect())

@@ -7,6 +7,7 @@ use trical_model::Model;
 use crate::error::Result;
 use crate::error_map::{ErrorMap, Miss};
 use crate::page::{Figure, Section};
+use crate::table::counted;
 
 /// Poses of the map.
 const POSES: usize = 6000;
@@ -48,7 +49,7 @@ struct Grid {
     side: f64,
     columns: usize,
     rows: usize,
-    squares: Vec<(f64, f64, u32)>,
+    squares: Vec<(f64, f64, usize)>,
 }
 
 impl Grid {
@@ -79,7 +80,7 @@ impl Grid {
     }
 
     fn means(&self) -> impl Iterator<Item = f64> + '_ {
-        self.squares.iter().filter(|s| s.2 > 0).map(|s| s.0 / f64::from(s.2))
+        self.squares.iter().filter(|s| s.2 > 0).map(|s| s.0 / s.2 as f64)
     }
 }
 
@@ -95,16 +96,17 @@ fn draw(panels: &[Panel]) -> String {
     let most = grids.iter().flat_map(Grid::means).fold(1e-9, f64::max);
     let [left, right, around] = MARGIN;
     let wide = left + PANEL + right;
+    // without a ground: the page has one, light or dark
     let picture = |height: f64, what: &str| {
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{wide:.0}\" style=\"max-width:100%\" viewBox=\"0 0 {wide:.0} \
-             {height:.0}\" font-family=\"system-ui, sans-serif\" font-size=\"12\" fill=\"#47566a\"><rect width=\"{wide:.0}\" \
-             height=\"{height:.0}\" fill=\"#fff\"/>{what}</svg>"
+             {height:.0}\" font-family=\"system-ui, sans-serif\" font-size=\"12\" fill=\"#47566a\">{what}</svg>"
         )
     };
     let begin = (left, around);
     let drawn = panels.iter().zip(&grids).map(|(panel, grid)| {
-        picture(around + PANEL + 46.0, &(squares(panel, grid, begin, most) + &axes(panel, grid, begin)))
+        let high = grid.rows as f64 * grid.drawn_side();
+        picture(around + high + 46.0, &(squares(panel, grid, begin, most) + &axes(panel, grid, begin)))
     });
     format!(
         "<div class=\"panels\">{}{}</div>",
@@ -124,18 +126,18 @@ fn squares(panel: &Panel, grid: &Grid, begin: (f64, f64), most: f64) -> String {
     let side = grid.drawn_side();
     for (n, (sum, largest, count)) in grid.squares.iter().enumerate().filter(|s| s.1.2 > 0) {
         let (i, j) = (n % grid.columns, n / grid.columns);
-        let ((x, y), mean) = (grid.corner(begin, i, j), sum / f64::from(*count));
+        let ((x, y), mean) = (grid.corner(begin, i, j), sum / *count as f64);
         let middle = [i, j].map(|n| (n as f64 + 0.5) * grid.side);
         let _ = write!(
             svg,
             "<path d=\"M{x:.1} {y:.1}h{side:.1}v{side:.1}h-{side:.1}z\" fill=\"{}\"><title>{} {:.0}, {} {:.0} mm: {mean:.2} \
-             mm, at most {largest:.2}; {count} pose{}</title></path>",
+             mm, at most {largest:.2}; {}</title></path>",
             color(mean / most),
             panel.axes[0],
             grid.low[0] + middle[0],
             panel.axes[1],
             grid.low[1] + middle[1],
-            if *count == 1 { "" } else { "s" }
+            counted(*count, "pose")
         );
     }
     svg
@@ -257,12 +259,26 @@ mod tests {
         for (n, (sum, largest, count)) in grid.squares.iter().enumerate().filter(|s| s.1.2 > 0) {
             let distance = grid.low[0] + ((n % grid.columns) as f64 + 0.5) * grid.side;
             let half = 0.51e-3 * grid.side + 1e-3;
-            assert!((sum / f64::from(*count) - 1e-3 * distance).abs() < half, "{distance}");
+            assert!((sum / *count as f64 - 1e-3 * distance).abs() < half, "{distance}");
             assert!((largest - 1e-3 * distance).abs() < half, "{distance}");
         }
-        let all: u32 = grid.squares.iter().map(|s| s.2).sum();
+        let all: usize = grid.squares.iter().map(|s| s.2).sum();
         assert_eq!(all, 3000);
         let svg = section(&model).unwrap().figures.pop().unwrap().svg;
         assert_eq!(svg.matches("From above").count(), 3);
+    }
+
+    #[test]
+    fn a_flat_panel_is_no_higher_than_its_squares_and_has_no_ground_of_its_own() {
+        let of = |points| Panel { heading: "p".into(), axes: ["x", "y"], points };
+        let high = |panel: Panel| {
+            let svg = draw(&[panel]);
+            assert!(!svg.contains("#fff"), "white on a dark page: {svg}");
+            svg.split("viewBox=\"0 0 350 ").nth(1).unwrap().split('"').next().unwrap().parse::<f64>().unwrap()
+        };
+        let (flat, square) =
+            (of(vec![[0.0, 0.0, 1.0], [1700.0, 150.0, 1.0]]), of(vec![[0.0, 0.0, 1.0], [1700.0, 1700.0, 1.0]]));
+        // 2 rows of 15 beside 18 of them, below 34 and above 46
+        assert_eq!((high(flat), high(square)), (110.0, 350.0));
     }
 }

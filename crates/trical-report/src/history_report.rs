@@ -67,10 +67,14 @@ pub fn render(h: &History, file: &ModelFile, made: Made) -> Result<String> {
     page::render(&title, &h.due, &sections, &made)
 }
 
-/// "joint 3, tool"; of a touch that is wrong, that it is.
+/// "joint 3, tool"; of a touch that is wrong, that it is; of what is less sure than one half, perhaps.
 #[must_use]
 pub fn what_changed(session: &Comparison) -> String {
-    let changed = |c: &Change| if c.scope == Scope::Reading { format!("{} is wrong", c.what) } else { c.what.clone() };
+    let changed = |c: &Change| {
+        let perhaps = if c.probability < 0.5 { "perhaps " } else { "" };
+        let is_wrong = if c.scope == Scope::Reading { " is wrong" } else { "" };
+        format!("{perhaps}{}{is_wrong}", c.what)
+    };
     let all: Vec<String> = session.changes.iter().map(changed).collect();
     match (all.is_empty(), session.verdict) {
         (false, _) => all.join(", "),
@@ -154,6 +158,41 @@ fn capital(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_less_sure_than_one_half_is_told_as_perhaps() {
+        let change = |what: &str, scope, probability| Change {
+            what: what.into(),
+            scope,
+            probability,
+            p_value: 0.01,
+            by: Vec::new(),
+            rivals: Vec::new(),
+        };
+        let of = |changes| Comparison {
+            recording: "r.csv".into(),
+            hash: String::new(),
+            measurements: 10,
+            rejected: Vec::new(),
+            setup_of: None,
+            anew: Vec::new(),
+            verdict: "arm changed",
+            summary: String::new(),
+            doubted: false,
+            changes,
+            visible: Vec::new(),
+            mean_mm: 0.1,
+            noise_mm: 0.01,
+            more_noise: 1.0,
+            temp_c: None,
+            alone: Vec::new(),
+        };
+        let sure = change("joint 3", Scope::Arm, 0.97);
+        let touch = change("the measurement of line 7", Scope::Reading, 0.4);
+        let said = what_changed(&of(vec![sure, touch]));
+        assert_eq!(said, "joint 3, perhaps the measurement of line 7 is wrong");
+        assert_eq!(what_changed(&of(Vec::new())), "nothing");
+    }
 
     #[test]
     fn recordings_of_the_fit_are_drawn_before_the_others_where_the_table_has_them() {

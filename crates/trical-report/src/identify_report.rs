@@ -6,7 +6,7 @@ use trical_ident::{Calibration, ErrorSummary};
 use crate::error::Result;
 use crate::evidence::{self, Errors, half_width, joints_used, row, signing};
 use crate::page::{self, Made, Section, error_table};
-use crate::table;
+use crate::table::{self, counted};
 
 /// Two parameters are told to move together from here.
 const CORRELATED: f64 = 0.9;
@@ -67,9 +67,9 @@ fn concerns(t: &Calibration) -> Result<Vec<String>> {
     out.extend(evidence::long_tail(&t.errors, &f.data));
     if t.rejected > 0 {
         out.push(format!(
-            "{} of {} rows were rejected; each is named below with its reason.",
+            "Rejected: {} of {}; each is named below with its reason.",
             t.rejected,
-            t.rejected + t.observations
+            counted(t.rejected + t.observations, "row")
         ));
     }
     if !t.cleaned {

@@ -9,7 +9,7 @@ use crate::evidence::{other_views, row, span, typical, used};
 use crate::page::{self, Figure, Made, Section};
 use crate::picture::Scene;
 use crate::plan_told::Told;
-use crate::table::{fixed, two_digits};
+use crate::table::{counted, fixed, two_digits};
 use crate::turn;
 
 fn error_row(name: &str, p: Option<PredictedError>) -> Vec<String> {
@@ -71,7 +71,7 @@ fn coverage(robot: &Robot, cell: &Cell, told: &Told) -> Result<Vec<Vec<String>>>
 
 fn verdict(cell: &Cell, told: &Told) -> String {
     let e = &told.plan.expected;
-    let touches = format!("{} touches of {} balls", told.plan.entries.len(), cell.balls.len());
+    let touches = format!("{} of {}", counted(told.plan.entries.len(), "touch"), counted(cell.balls.len(), "ball"));
     if !told.determined() {
         return format!("{touches}: too few to determine the {} parameters.", told.parameters.len());
     }

@@ -10,7 +10,7 @@ use trical_plan::{Plan, PlanOptions, PredictedError, Rejected};
 
 use crate::blindness::{self, Lacking, Seen};
 use crate::error::Result;
-use crate::table::{self, two_digits};
+use crate::table::{self, counted, plural, two_digits};
 
 /// A plan and all that can be said of it.
 pub struct Told {
@@ -107,9 +107,9 @@ impl Told {
     pub fn lines(&self) -> Vec<String> {
         let e = &self.plan.expected;
         let mut out = vec![format!(
-            "{} touches of {} balls, chosen from {}{}",
-            self.plan.entries.len(),
-            self.balls,
+            "{} of {}, chosen from {}{}",
+            counted(self.plan.entries.len(), "touch"),
+            counted(self.balls, "ball"),
             self.pool(),
             if e.gain_over_random.is_finite() {
                 format!(" ({} times better than a random choice)", two_digits(e.gain_over_random))
@@ -118,8 +118,7 @@ impl Told {
             }
         )];
         for (reason, n) in rejected(&self.plan).iter().filter(|r| *r.1 > 0) {
-            let s = if *n == 1 { "" } else { "s" };
-            out.push(format!("  {n:>6} candidate{s} dropped: {reason}"));
+            out.push(format!("  {n:>6} {} dropped: {reason}", plural(*n, "candidate")));
         }
         if !self.determined() {
             out.push(format!(

@@ -59,6 +59,21 @@ pub fn unit_told(unit: &str) -> (f64, &str) {
     }
 }
 
+/// "1 row", "2 rows", "2 touches": a number with what it counts.
+pub fn counted(n: usize, what: &str) -> String {
+    format!("{n} {}", plural(n, what))
+}
+
+/// "row" of one, "rows" and "touches" of more.
+pub fn plural(n: usize, what: &str) -> String {
+    let end = match (n, what.ends_with("ch")) {
+        (1, _) => "",
+        (_, true) => "es",
+        _ => "s",
+    };
+    format!("{what}{end}")
+}
+
 /// A sentence with an end.
 pub fn ended(text: &str) -> String {
     let end = if text.ends_with(['.', '?', '!']) { "" } else { "." };
@@ -132,6 +147,12 @@ mod tests {
         assert_eq!(wrapped("one two three", 9, "  "), ["  one two", "  three"]);
         assert_eq!(["is off", "is it?", "Stop."].map(ended), ["is off.", "is it?", "Stop."]);
         assert_eq!(wrapped("a word_that_is_longer", 6, ""), ["a", "word_that_is_longer"]);
+    }
+
+    #[test]
+    fn one_is_told_without_the_end_that_more_have() {
+        assert_eq!([0, 1, 2].map(|n| counted(n, "row")), ["0 rows", "1 row", "2 rows"]);
+        assert_eq!([1, 2].map(|n| counted(n, "touch")), ["1 touch", "2 touches"]);
     }
 
     #[test]

@@ -6,6 +6,7 @@ use trical_ident::{ErrorSummary, ModelFile, Validation};
 use crate::error::Result;
 use crate::evidence::{self, Errors, half_width, row, signing};
 use crate::page::{self, Made, Section, error_table};
+use crate::table::counted;
 
 /// A region with a mean error larger than that of all by this is worth a word.
 const WORSE: f64 = 2.0;
@@ -47,7 +48,7 @@ fn concerns(v: &Validation) -> Result<Vec<String>> {
     out.extend(evidence::beyond_noise(&v.model, &v.data)?);
     out.extend(evidence::long_tail(&v.after, &v.data));
     if rejected > 0 {
-        out.push(format!("{rejected} rows were rejected; each is named below with its reason."));
+        out.push(format!("Rejected: {}; each is named below with its reason.", counted(rejected, "row")));
     }
     Ok(out)
 }

@@ -8,6 +8,7 @@ use trical_ident::{Comparison, JointSource, ModelFile, compare, refuse_repeated,
 use trical_model::Recording;
 use trical_report::table;
 
+use super::wrote;
 use crate::error::{CliError, Result};
 use crate::input::{self, Joints};
 use crate::{say, say_lines};
@@ -33,7 +34,7 @@ pub struct Asked {
     joints: Option<Joints>,
     /// Where to write one row for each arm, session and parameter: a CSV that DuckDB, Polars or Grafana read
     #[arg(long, value_name = "FILE")]
-    table: Option<PathBuf>,
+    pub table: Option<PathBuf>,
     /// A machine-readable summary on standard output
     #[arg(long)]
     json: bool,
@@ -61,12 +62,13 @@ impl Asked {
         Ok((file, recordings, self.joints.and_then(Joints::source)))
     }
 
-    /// Writes the table; then says the answer as JSON, or prints it and where the table is.
+    /// Writes the table; then says the answer as JSON, or prints it and where the table and the report are.
     pub fn tell(
         &self,
         file: &ModelFile,
         each: &[Comparison],
         json: serde_json::Result<String>,
+        report: &Option<PathBuf>,
         print: impl FnOnce() -> Result<()>,
     ) -> Result<()> {
         if let Some(path) = &self.table {
@@ -76,7 +78,7 @@ impl Asked {
             return say(json?);
         }
         print()?;
-        self.table.as_ref().map_or(Ok(()), |path| say(format!("\nWrote {}", path.display())))
+        wrote([report, &self.table])
     }
 }
 
@@ -86,11 +88,12 @@ pub fn run(args: &Args) -> Result<()> {
     refuse_repeated(&recordings)?;
     let each =
         recordings.iter().map(|r| Ok(compare(&file.model.cell, &file, r, joints)?)).collect::<Result<Vec<_>>>()?;
-    args.asked.tell(&file, &each, serde_json::to_string_pretty(&each), || each.iter().try_for_each(print))
+    args.asked.tell(&file, &each, serde_json::to_string_pretty(&each), &None, || each.iter().try_for_each(print))
 }
 
 fn print(c: &Comparison) -> Result<()> {
-    say(format!("{}: {} measurements, mean error {:.3} mm by the old model", c.recording, c.measurements, c.mean_mm))?;
+    let measured = table::counted(c.measurements, "measurement");
+    say(format!("{}: {measured}, mean error {:.3} mm by the old model", c.recording, c.mean_mm))?;
     if let Some(rejected) = rejected_in_words(&c.rejected) {
         say_lines(table::wrapped(&format!("{rejected}."), 108, "  "))?;
     }

@@ -11,6 +11,7 @@ use trical_model::urdf::UrdfPath;
 use trical_recording::mcap::{Header, write_recording};
 use trical_recording::output::check_not_measured;
 use trical_recording::{open_damaged, to_csv};
+use trical_report::table;
 
 use crate::error::{CliError, Result};
 use crate::{input, say};
@@ -80,7 +81,7 @@ pub fn run(args: &Args) -> Result<()> {
         return say(serde_json::to_string_pretty(&value)?);
     }
     let rows = recording.rows.len();
-    say(format!("{rows} row{} written to {}", if rows == 1 { "" } else { "s" }, output.display()))
+    say(format!("{} written to {}", table::counted(rows, "row"), output.display()))
 }
 
 /// Writes the arm that Universal Robots measured as robot.toml.

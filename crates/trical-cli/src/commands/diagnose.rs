@@ -111,7 +111,7 @@ pub fn run(args: &Args) -> Result<()> {
     if args.next.is_some() {
         say_lines(next_lines(args, next.as_ref()))?;
     }
-    super::wrote(&[&args.out, &args.report])
+    super::wrote([&args.out, &args.report])
 }
 
 fn source_words(source: JointSource) -> &'static str {

@@ -453,10 +453,8 @@ impl Led<'_> {
                         Measured::Touch { reading, .. } => shown(&reading),
                         _ => String::new(),
                     };
-                    let plural = if corrected == 1 { "" } else { "s" };
-                    tell(&format!(
-                        "Touched and recorded, after {corrected} correction{plural}; the reading left is {left}."
-                    ))?;
+                    let corrections = table::counted(corrected, "correction");
+                    tell(&format!("Touched and recorded, after {corrections}; the reading left is {left}."))?;
                     self.rows.insert(index, row);
                     if !self.alike(index)? {
                         return Ok(Next::On);

@@ -37,6 +37,10 @@ pub fn run(args: &Args) -> Result<()> {
     }
     input::check_names([("--report", "page", args.report.as_ref())])?;
     let paths = recordings_in(&args.folder)?;
+    if let Some(table) = args.asked.table.as_deref().filter(|t| is_in(t, &args.folder)) {
+        let what = "the next history would take it for a session; expected a place outside the folder of sessions";
+        return Err(CliError::Input(format!("--table: {}: {what}", table.display())));
+    }
     if let Some(report) = &args.report {
         input::check_output(report, paths.iter().map(PathBuf::as_path).chain([args.model.as_path()]))?;
     }
@@ -46,10 +50,7 @@ pub fn run(args: &Args) -> Result<()> {
         let made = input::made(&paths.iter().map(PathBuf::as_path).chain([args.model.as_path()]).collect::<Vec<_>>());
         write_whole(report, history_report::render(&h, &file, made)?.as_bytes())?;
     }
-    args.asked.tell(&file, &h.sessions, serde_json::to_string_pretty(&h), || {
-        print(&h)?;
-        args.report.as_ref().map_or(Ok(()), |r| say(format!("Wrote {}", r.display())))
-    })
+    args.asked.tell(&file, &h.sessions, serde_json::to_string_pretty(&h), &args.report, || print(&h))
 }
 
 fn print(h: &History) -> Result<()> {
@@ -76,7 +77,7 @@ fn print(h: &History) -> Result<()> {
     for told in history_report::told(h) {
         say_lines(table::wrapped(&told, 108, "  "))?;
     }
-    say(&h.due)
+    say_lines(table::wrapped(&h.due, 108, ""))
 }
 
 /// A name in parts that compare as people count: run_2 before run_10.
@@ -92,6 +93,12 @@ fn counted(path: &Path) -> Vec<(u64, String)> {
         }
     }
     parts
+}
+
+/// Whether a file, there or to be made, is in that folder itself.
+fn is_in(file: &Path, folder: &Path) -> bool {
+    let parent = file.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    matches!((parent.canonicalize(), folder.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
 /// Recordings of a folder, by name; hidden files are none.

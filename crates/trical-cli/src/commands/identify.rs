@@ -190,7 +190,7 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
     }
     say("")?;
     say_lines(table::lines(&error_rows(found)))?;
-    super::wrote(&[&args.out, &args.report, &args.certificate])
+    super::wrote([&args.out, &args.report, &args.certificate])
 }
 
 /// Rows of a table of errors: at the poses of the fit, and at others.
@@ -257,8 +257,7 @@ pub fn rejected_lines(named: &[Rejected], all: usize, most: usize) -> Vec<String
     if all == 0 {
         return Vec::new();
     }
-    let rows = if all == 1 { "row" } else { "rows" };
-    let mut lines = vec![format!("{all} {rows} rejected:")];
+    let mut lines = vec![format!("{} rejected:", table::counted(all, "row"))];
     lines.extend(named.iter().take(most).map(|r| format!("  {}, line {}: {}", r.recording, r.line, r.reason)));
     if all > most {
         lines.push(format!("  and {} more (--json and --report list them)", all - most));

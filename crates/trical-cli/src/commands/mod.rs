@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use trical_ident::caution::listed;
+
 use crate::error::Result;
 use crate::say;
 
@@ -30,7 +32,7 @@ pub mod validate;
 pub mod virtual_cell;
 
 /// Says which files were written, if any.
-fn wrote(files: &[&Option<PathBuf>]) -> Result<()> {
-    let names: Vec<String> = files.iter().copied().flatten().map(|f| f.display().to_string()).collect();
-    if names.is_empty() { Ok(()) } else { say(format!("\nWrote {}", names.join(" and "))) }
+fn wrote<const N: usize>(files: [&Option<PathBuf>; N]) -> Result<()> {
+    let names: Vec<String> = files.into_iter().flatten().map(|f| f.display().to_string()).collect();
+    if names.is_empty() { Ok(()) } else { say(format!("\nWrote {}", listed(&names, "and"))) }
 }

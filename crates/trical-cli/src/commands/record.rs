@@ -11,6 +11,7 @@ use trical_device::joint_feed::JointFeed;
 use trical_device::{Controller, open_controller};
 use trical_model::{Cell, JointKind, Joints, Robot};
 use trical_recording::visits::{Visits, check_place};
+use trical_report::table;
 
 use crate::error::{CliError, Result};
 use crate::say;
@@ -148,7 +149,7 @@ pub fn run(args: &Args) -> Result<()> {
     if args.json {
         return say(serde_json::to_string_pretty(&json!({ "rows": taken, "out": args.out.display().to_string() }))?);
     }
-    say(format!("{taken} row{} added to {}", if taken == 1 { "" } else { "s" }, args.out.display()))
+    say(format!("{} added to {}", table::counted(taken, "row"), args.out.display()))
 }
 
 fn source(args: &Args, robot: &Robot) -> Result<Source> {

@@ -82,9 +82,9 @@ fn load(path: &Path, args: &Args) -> Result<(Recording, Option<Robot>, Option<Ce
 
 fn lines(told: &Repeatability) -> Vec<String> {
     let mut out = vec![format!(
-        "{}: {} places visited twice or more, {} once",
+        "{}: {} visited twice or more, {} once",
         told.recording,
-        told.places.len(),
+        table::counted(told.places.len(), "place"),
         told.single_visits
     )];
     let mut rows = vec![["", "places", "visits", "mean RP mm", "largest RP mm"].map(String::from).to_vec()];

@@ -67,8 +67,7 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let rejected = match v.rejected.len() {
         0 => "no row rejected".to_owned(),
-        1 => "1 row rejected".to_owned(),
-        n => format!("{n} rows rejected"),
+        n => format!("{} rejected", table::counted(n, "row")),
     };
     say(format!("{} measurements scored, {rejected}", v.n))?;
     for session in &v.sessions {
@@ -98,7 +97,7 @@ pub fn run(args: &Args) -> Result<()> {
     for caution in validate_report::cautions(&v) {
         say_lines(table::wrapped(&format!("Caution: {caution}"), 108, ""))?;
     }
-    super::wrote(&[&args.report, &args.certificate])
+    super::wrote([&args.report, &args.certificate])
 }
 
 fn refit(what: &[String]) -> Result<Option<Refit>> {

@@ -93,6 +93,19 @@ fn a_recording_is_beyond_the_usual_noise_by_its_own_residuals() {
 }
 
 #[test]
+fn a_ball_in_a_printed_socket_may_be_off_by_its_play() {
+    let laid = |off: f64| {
+        let mut model = arm();
+        let forward = Forward::new(model.clone(), Vec::new()).unwrap();
+        let state = State { place: Some(1), ..pose(0) };
+        model.cell.balls[1] = forward.world_from_tool(&state, &mut forward.workspace()).translation.add_scalar(off);
+        beyond_noise(&model, &data(&[vec![(state, TOUCH)]])).unwrap()
+    };
+    assert!(laid(8e-5).is_empty(), "{:?}", laid(8e-5));
+    assert!(laid(8e-4)[0].starts_with("The residuals of r0.csv are 8 times the usual noise"), "{:?}", laid(8e-4));
+}
+
+#[test]
 fn a_tail_is_long_beyond_three_times_the_rms_but_not_of_lengths() {
     let errors = |last: f64| ErrorSummary::of(&[vec![1e-5; 40], vec![last]].concat());
     let touches = data(&[vec![(pose(0), TOUCH)]]);

@@ -70,6 +70,12 @@ impl Candidate {
         self.terms.iter().any(|t| is_order(t.basis.of))
     }
 
+    /// Whether it holds for the whole of one session, which may as well be told the other way round of the others.
+    #[must_use]
+    pub fn is_of_whole_session(&self) -> bool {
+        self.session().is_some() && self.terms.iter().all(|t| t.basis.of == Variable::Nothing)
+    }
+
     /// The same in one session only.
     #[must_use]
     pub fn in_session(mut self, session: u32) -> Self {

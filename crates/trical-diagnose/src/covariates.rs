@@ -100,6 +100,8 @@ pub struct Covariates<'a> {
     pub poses: usize,
     /// Duration, in units of what tells earlier from later.
     pub span: f64,
+    /// They are those of one of several sessions.
+    pub one_of_several: bool,
     loads: Vec<f64>,
     changes: Vec<f64>,
     /// Measuring frames of optical instruments, from 1.
@@ -131,6 +133,7 @@ impl<'a> Covariates<'a> {
             clocks: clocks(data, order),
             poses: data.used_poses().len(),
             span: order.map_or(1.0, |order| span(data, order)),
+            one_of_several: false,
             loads: if masses { usual_loads(model, data) } else { vec![1.0; model.robot.dof()] },
             changes: order.map_or_else(Vec::new, |order| change_points(data, order, CHANGE_POINTS)),
             frames: seen_frames(data),
@@ -143,9 +146,10 @@ impl<'a> Covariates<'a> {
         let mut sessions: Vec<u32> = data.observations.iter().filter_map(|o| o.state.session).collect();
         sessions.sort_unstable();
         sessions.dedup();
+        let several = sessions.len() > 1;
         let of = |s: u32| {
             let data = data.filtered(|o| o.state.session == Some(s));
-            let mut own = Self::new(model, &data, sigma);
+            let mut own = Self { one_of_several: several, ..Self::new(model, &data, sigma) };
             // when a session begins, the arm is as the other sessions say
             let when = |o: &Observation| own.order.map_or(0.0, |order| value(order, &o.state));
             let first = data.observations.iter().min_by(|a, b| when(a).total_cmp(&when(b)));

@@ -114,6 +114,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
             .chain(unsearched.as_ref().map(ToString::to_string))
             .chain(too_many(effective, arm_parameters(&fitted.model), folds))
             .chain(rounds.correlation.caution())
+            .chain(either_session(&grounds, kept.names.len()))
             .chain(no_better_elsewhere("in a session", plain_by_session, by_session))
             .chain(no_better_elsewhere("at a place of the balls", plain_by_place, by_place))
             .chain(of_sessions.err().map(|e| format!("what one session is worth for the others is not known: {e}")))
@@ -133,6 +134,18 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
     };
     task.step(1.0, "done")?;
     Ok(diagnosis)
+}
+
+/// What to say where two sessions differ, and nothing tells which of them has the arm as it will be.
+fn either_session(grounds: &[(Vec<Candidate>, Vec<Candidate>)], sessions: usize) -> Option<String> {
+    let of_session =
+        |(members, _): &&(Vec<Candidate>, Vec<Candidate>)| members.iter().any(Candidate::is_of_whole_session);
+    let (members, _) = grounds.iter().find(of_session).filter(|_| sessions == 2)?;
+    let joint = members[0].site.joint()?;
+    Some(format!(
+        "joint {joint} has another zero in one of the two sessions than in the other; which one has it as it will be, two sessions hardly \
+         tell: diagnose a third one with them before you use the model"
+    ))
 }
 
 /// What to say where an arm as other sessions, or places, say it is not better with what was found.
@@ -279,6 +292,10 @@ impl<'a> Proving<'a> {
         let candidates = &self.rounds.candidates;
         let first = &candidates[group.members[0]];
         let says = |c: &Candidate| {
+            if first.is_of_whole_session() && c.is_of_whole_session() && (c.cause, c.site) == (first.cause, first.site)
+            {
+                return Says::Same; // that the sessions differ
+            }
             let family = c.cause.effect().map(|id| id.effect().family);
             match (c.site.is_same_part(first.site), family == Some(effect.effect().family)) {
                 (true, true) => Says::Family,

@@ -4,8 +4,8 @@ use crate::arm::{build, touch, touch_in_sockets, truth};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use trical_diagnose::{Diagnosis, EffectId, Options, diagnose};
-use trical_ident::{ErrorSummary, KnownParameters, ParameterSet, identify};
-use trical_model::{Basis, Cell, Forward, Measured, Model, Place, Pose, Site, Task, Term};
+use trical_ident::{Dataset, ErrorSummary, JointSource, KnownParameters, ParameterSet, identify};
+use trical_model::{Basis, Cell, Forward, Measured, Model, Place, Pose, Recording, Site, Task, Term};
 
 /// The truth with one more term, which the baseline does not have.
 fn with_effect(site: Site, basis: Basis, value: f64) -> Model {
@@ -107,6 +107,28 @@ fn a_gain_shows_beside_errors_of_the_arm_that_are_as_large_as_the_readings() {
     assert_eq!(named, [EffectId::LostMotionDirection, EffectId::IndicatorGain]);
     assert!((d.findings[1].coefficients[0].value - 0.08).abs() < 0.01, "{:?}", d.findings[1].coefficients);
     assert!(d.baseline.reading_noise.is_empty(), "{:?}", d.baseline.reading_noise);
+}
+
+#[test]
+fn a_joint_whose_zero_differs_between_sessions_is_told_as_of_one_of_them_and_of_two_not_of_which() {
+    let model = truth(ParameterSet::Compliance, 45);
+    let mut other = model.clone();
+    let off = Term::new("hidden", "hidden", Site::Joint { joint: 3 }, Basis::CONSTANT);
+    other.terms.push(Term { value: 1e-3, ..off });
+    let sessions = |arms: &[&Model]| {
+        let all: Vec<Recording> = (0..).zip(arms).map(|(k, arm)| touch(arm, 100, 8e-6, 46 + k)).collect();
+        let data = Dataset::build(&all, JointSource::Read, None).unwrap();
+        let d = diagnose(&model.robot, &model.cell, &data, &Options::default(), &Task::silent()).unwrap();
+        let [f] = &d.findings[..] else { panic!("{:?}", d.findings) };
+        assert_eq!((f.effect, f.site), (EffectId::JointZeroShift, Place::Joint(3)));
+        let undecided = d.cautions.iter().any(|c| c.contains("two sessions hardly tell"));
+        (f.session, f.coefficients[0].value, undecided, d.rejected.len())
+    };
+    let (session, size, undecided, rejected) = sessions(&[&model, &other]);
+    assert!(session.is_some() && undecided && rejected == 0);
+    assert!((size.abs() - 1e-3_f64.to_degrees()).abs() < 2e-3, "{size}");
+    let (session, size, undecided, _) = sessions(&[&model, &other, &model]);
+    assert!(session == Some(2) && !undecided && (size - 1e-3_f64.to_degrees()).abs() < 2e-3, "{session:?} {size}");
 }
 
 /// Three targets on the hand of an arm that stands on a rail of 6 m, seen by a tracker at 200 places.

@@ -1,4 +1,4 @@
-//! An encoder loses its zero, or a belt jumps: from one moment on the joint is off. The moment is scanned.
+//! An encoder loses its zero, or a belt jumps: from one moment on the joint is off. The moment is scanned; it may lie between two sessions.
 
 use trical_model::{Basis, Place, Scope, Shape, Site};
 
@@ -24,18 +24,20 @@ pub const EFFECT: Effect = Effect {
 };
 
 fn ask(r: &Covariates<'_>) -> Asked {
-    let Some(order) = r.order else { return Asked::lacking(NO_TIME) };
+    let of = |joint, behaviour, basis| {
+        let size = Size { typical: deg(0.02), large: deg(0.06) };
+        let term = (format!("zero_shift_{joint}"), Site::Joint { joint }, basis, 0);
+        EFFECT.candidate(Place::Joint(joint), behaviour, size, vec![term])
+    };
     let mut out = Vec::new();
+    if r.one_of_several {
+        let other = |joint| of(joint, format!("joint {joint}'s zero is not that of the other sessions"), Basis::CONSTANT);
+        out.extend(r.joints().map(other));
+    }
+    let Some(order) = r.order else { return Asked { candidates: out, lacks: Some(NO_TIME) } };
     for at in r.changes() {
         let step = Basis::new(order, Shape::Step { at: *at });
-        for joint in r.joints() {
-            out.push(EFFECT.candidate(
-                Place::Joint(joint),
-                format!("joint {joint}'s zero changes at once"),
-                Size { typical: deg(0.02), large: deg(0.06) },
-                vec![(format!("zero_shift_{joint}"), Site::Joint { joint }, step, 0)],
-            ));
-        }
+        out.extend(r.joints().map(|joint| of(joint, format!("joint {joint}'s zero changes at once"), step)));
     }
     out.into()
 }

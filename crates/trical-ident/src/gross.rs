@@ -15,11 +15,17 @@ use crate::solver::{LmParams, Solver};
 /// three scalars and honest noise not one in a million is beyond six, and what a model lacks adds to that.
 pub(crate) const GROSS: f64 = 10.0;
 
+/// Gross errors are few: at most this share of the rows, or [`FEW`]. Of more it is the arm that is not as the model says, in a part of its poses.
+const MOST: f64 = 0.15;
+
+/// So many of a short recording.
+const FEW: usize = 3;
+
 /// The robust noise has settled where no more than this fraction of it changes: nothing to a limit of ten.
 const SETTLED: f64 = 1e-4;
 
 /// Finds gross errors: a robust fit (Huber) of the richest model that the data and the robot allow, then every measurement
-/// that is far beyond the rest.
+/// that is far beyond the rest. Where these were many, those that are farther still.
 ///
 /// # Errors
 /// As [`fit_model`].
@@ -34,6 +40,7 @@ pub fn reject_gross_errors(robot: &Robot, cell: &Cell, data: &Dataset) -> Result
 pub fn reject_gross_errors_beyond(robot: &Robot, cell: &Cell, data: &Dataset, limit: f64) -> Result<Dataset> {
     let mut kept = data.clone();
     let mut sets = sets_of(robot);
+    let most = ((MOST * data.observations.len() as f64) as usize).max(FEW);
     for _ in 0..5 {
         // of many rows, some stand for all: the limit is ten standard deviations, and a sample has these to a percent
         let some = sample(&kept);
@@ -41,7 +48,12 @@ pub fn reject_gross_errors_beyond(robot: &Robot, cell: &Cell, data: &Dataset, li
         check_observations(&forward, &kept)?;
         let residuals = weighted_residuals(&forward, &kept, &noise);
         let times: Vec<f64> = residuals.iter().map(|(r, rows)| length(&r[..*rows])).collect();
-        let bad: Vec<usize> = (0..times.len()).filter(|i| times[*i] > limit).collect();
+        let beyond = |limit: f64| (0..times.len()).filter(|i| times[*i] > limit).collect::<Vec<usize>>();
+        let (mut bad, mut further) = (beyond(limit), limit);
+        while data.observations.len() - kept.observations.len() + bad.len() > most {
+            further *= 2.0;
+            bad = beyond(further);
+        }
         if bad.is_empty() {
             break;
         }
@@ -95,7 +107,7 @@ pub fn right_ball(forward: &Forward, noise: &Noise, o: &Observation, ws: &mut Wo
 fn sets_of(robot: &Robot) -> Vec<ParameterSet> {
     let mut sets = vec![ParameterSet::Nominal, ParameterSet::Geometry];
     if robot.require_masses().is_ok() {
-        sets.push(ParameterSet::Compliance);
+        sets.push(ParameterSet::Complete);
     }
     sets
 }

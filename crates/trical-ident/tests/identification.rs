@@ -114,6 +114,27 @@ fn gross_errors_are_rejected_and_named() {
 }
 
 #[test]
+fn what_a_fifth_of_the_rows_has_is_no_gross_error_and_what_is_farther_off_is() {
+    let truth = truth(ParameterSet::Compliance, 8);
+    let mut slipped = truth.clone();
+    slipped.cell.tool.tcp.y += 1e-3;
+    let mut recording = touch(&truth, 96, 1e-5, 9);
+    recording.rows.extend(touch(&slipped, 24, 1e-5, 10).rows);
+    let wrong = [7, 33, 90];
+    for (k, row) in recording.rows.iter_mut().enumerate() {
+        row.line = k + 2;
+        if let Measured::Touch { reading, .. } = &mut row.measured
+            && wrong.contains(&k)
+        {
+            reading[1] += 20e-3;
+        }
+    }
+    let clean = reject_gross_errors(&truth.robot, &truth.cell, &build(recording)).unwrap();
+    let lines: Vec<usize> = clean.rejected.iter().map(|r| r.line).collect();
+    assert_eq!(lines, wrong.map(|k| k + 2));
+}
+
+#[test]
 fn a_touch_of_another_ball_than_noted_is_called_so() {
     let truth = truth(ParameterSet::Compliance, 8);
     let mut recording = touch(&truth, 60, 1e-5, 9);

@@ -159,8 +159,8 @@ fn no_better_elsewhere(at: &str, plain: Option<ErrorSummary>, whole: Option<Erro
     })
 }
 
-/// Selection until nothing changes; then with rows restored that one number explains, then with more to choose from where names do
-/// not say all; then only what pays at poses that the fit did not see.
+/// Selection until nothing changes; then with rows restored that what was found, or one number more, explains; then with more to choose from where
+/// names do not say all; then only what pays at poses that the fit did not see.
 fn select(rounds: &mut Rounds, names_only: bool, task: &Task<'_>) -> Result<()> {
     task.step(0.05, "curves of the joints")?;
     rounds.hold_curves()?;
@@ -172,7 +172,7 @@ fn select(rounds: &mut Rounds, names_only: bool, task: &Task<'_>) -> Result<()> 
     if rounds.hold_curves()? {
         rounds.settle(true, &task.part(0.35, 0.45))?;
     }
-    if rounds.restore_rows()? {
+    if rounds.take_back_rows()? | rounds.restore_rows()? {
         rounds.settle(false, &task.part(0.45, 0.5))?;
     }
     task.step(0.5, "looking again without names")?;

@@ -8,7 +8,7 @@ use trical_ident::fit::{position_errors, weighted_residuals};
 use trical_ident::gross::{right_ball, wrong_ball};
 use trical_ident::identify::Identified;
 use trical_ident::noise::Noise;
-use trical_model::{Forward, Measured};
+use trical_model::{Forward, Measured, Model};
 
 use crate::settings::{OUTLIER_SHARE, OUTLIER_SIGMAS, OUTLIERS, REPEATS_BY_CHANCE};
 
@@ -72,6 +72,24 @@ fn expected_repeats(data: &Dataset) -> f64 {
     n * agree(0) * agree(1) * agree(2)
 }
 
+fn length(v: &[f64]) -> f64 {
+    v.iter().map(|v| v * v).sum::<f64>().sqrt()
+}
+
+/// Rows that a fit has less than half as far off as the model `without` what it found, or within the scatter of what it was fitted to.
+///
+/// # Errors
+/// None for a model that was fitted.
+pub fn explained(fitted: &Identified, without: &Model, data: &Dataset) -> Result<BTreeSet<usize>> {
+    let lengths = |model: &Model| -> Result<Vec<f64>> {
+        let forward = Forward::new(model.clone(), Vec::new())?;
+        Ok(weighted_residuals(&forward, data, &fitted.noise).iter().map(|(r, n)| length(&r[..*n])).collect())
+    };
+    let both = lengths(&fitted.model)?.into_iter().zip(lengths(without)?);
+    let rows = data.observations.iter().zip(both);
+    Ok(rows.filter(|(_, (now, before))| *now < OUTLIER_SIGMAS.max(0.5 * before)).map(|(o, _)| o.row).collect())
+}
+
 /// Leaves out what is far off the fitted model: at most a small share, the farthest first.
 ///
 /// # Errors
@@ -83,7 +101,7 @@ pub fn without_outliers(fitted: &Identified, all: &Dataset) -> Result<Dataset> {
     let residuals = weighted_residuals(&forward, all, &noise);
     let mut far: Vec<(usize, f64)> = residuals
         .iter()
-        .map(|(r, n)| r[..*n].iter().map(|v| v * v).sum::<f64>().sqrt())
+        .map(|(r, n)| length(&r[..*n]))
         .enumerate()
         .filter(|(_, length)| *length > OUTLIER_SIGMAS)
         .collect();

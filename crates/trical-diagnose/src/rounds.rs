@@ -1,29 +1,32 @@
 //! The diagnosis in progress: rounds of selection and exact refit, with what was kept, tried and chosen so far.
 
+mod elsewhere;
 mod pays;
+mod readings;
+mod rows;
 mod waves;
 mod whole;
 
 use std::collections::BTreeSet;
 
-use trical_ident::by_place::{choose, score_places};
-use trical_ident::calibration::{own_setup, score_sessions};
+use trical_ident::by_place::choose;
+use trical_ident::calibration::own_setup;
 use trical_ident::dataset::{Dataset, Observation};
 use trical_ident::error::Result;
 use trical_ident::follow::refuse_stuck_stems;
 use trical_ident::gross::reject_gross_errors_beyond;
 use trical_ident::identifiability::{Choice, ParameterSet};
-use trical_ident::identify::{ErrorSummary, Fit, Identified, fit_near_nominal, fit_some, identify, manner};
+use trical_ident::identify::{Identified, fit_some, identify, manner};
 use trical_ident::known::Known;
 use trical_ident::sample::sample_poses;
 use trical_ident::solver::LmParams;
 use trical_model::interrupt::checkpoint;
-use trical_model::{Axis, Basis, Cell, Forward, Measured, Model, Place, Robot, Site, Task, Term, Variable};
+use trical_model::{Cell, Measured, Model, Place, Robot, Site, Task, Term};
 
 use crate::candidate::Candidate;
 use crate::catalogue::{Untestable, catalogue, device_orientation, reading_noise};
 use crate::correlated_noise::CorrelatedNoise;
-use crate::covariates::{Covariates, gives_way, reading_spread};
+use crate::covariates::{Covariates, gives_way};
 use crate::effect_id::{Cause, EffectId};
 use crate::halves::Halves;
 use crate::linear::{Design, Fitted};
@@ -32,8 +35,8 @@ use crate::options::Options;
 use crate::refine::finer;
 use crate::selection::Search;
 use crate::settings::{
-    CONSIDERABLE_SHARE, EVIDENCE_NATS, GROSS_ERROR_SIGMAS, LACK_OF_FIT_P, MOST_ROUNDS, NOISE_ALTERNATIONS,
-    READING_SPREAD, ROWS_ALIKE, RUN_POSES, SEARCHED_POSES, SETTLED_AMONG_FEW, SETTLED_SHARE,
+    CONSIDERABLE_SHARE, GROSS_ERROR_SIGMAS, LACK_OF_FIT_P, MOST_ROUNDS, NOISE_ALTERNATIONS, RUN_POSES, SEARCHED_POSES,
+    SETTLED_AMONG_FEW, SETTLED_SHARE,
 };
 use crate::specification_test::{Probes, SpecificationTest, probes};
 use crate::{periodogram, rejection};
@@ -44,6 +47,8 @@ pub(crate) const BASELINE: ParameterSet = ParameterSet::Compliance;
 pub(crate) struct Rounds {
     /// All rows that are searched, outliers included.
     pub(crate) all: Dataset,
+    /// Those that were rejected before anything was known of the arm.
+    gross: Dataset,
     /// The whole data, where a sample is searched.
     whole: Option<Dataset>,
     /// Without outliers.
@@ -121,8 +126,10 @@ impl Rounds {
     /// Hygiene, the baseline fit, and everything that this data can be asked.
     pub(crate) fn begin(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options) -> Result<Self> {
         refuse_stuck_stems(robot, cell, data)?;
-        let all = rejection::without_stale(data);
-        let mut all = reject_gross_errors_beyond(robot, cell, &all, GROSS_ERROR_SIGMAS)?;
+        let fresh = rejection::without_stale(data);
+        let mut all = reject_gross_errors_beyond(robot, cell, &fresh, GROSS_ERROR_SIGMAS)?;
+        let good: BTreeSet<usize> = all.observations.iter().map(|o| o.row).collect();
+        let gross = fresh.filtered(|o| !good.contains(&o.row));
         let whole = sample_poses(&all, SEARCHED_POSES, RUN_POSES).map(|some| std::mem::replace(&mut all, some));
         let choice = Choice::from(BASELINE).knowing(options.known.clone());
         let own = own_setup(robot, cell, &all, &choice, options.tool)?;
@@ -137,6 +144,7 @@ impl Rounds {
         let mut rounds = Self {
             kept: all.clone(),
             all,
+            gross,
             whole,
             baseline_terms: fitted.model.terms.len(),
             known,
@@ -187,45 +195,6 @@ impl Rounds {
                 c.typical = now.typical;
             }
         }
-    }
-
-    /// Readings that looked nulled beside what the baseline left may spread far beyond the noise: then their gains are asked for, and how the
-    /// device is turned, and what is read is no noise. Whether the baseline became another one.
-    fn ask_readings(&mut self) -> Result<bool> {
-        let (sigma, bare) = (self.touch_sigma(), self.bare());
-        let mut recorded = Covariates::new(&bare, &self.all, sigma);
-        for axis in Axis::ALL {
-            let of = Variable::Reading { axis };
-            let taken = bare.terms.iter().find(|t| t.basis.of == of && t.effect == Cause::ReadingNoise.name());
-            let share = taken.map_or(0.0, |t| -t.value);
-            recorded.spread[axis.index()] &= !may_be_noise(share, reading_spread(&self.all, axis.index()), sigma);
-        }
-        if !recorded.spread.iter().zip(self.spread).any(|(now, before)| *now && !before) {
-            return Ok(false);
-        }
-        recorded.nulled = false;
-        self.spread = recorded.spread;
-        let mut of_sessions = Covariates::of_sessions(&bare, &self.all, sigma);
-        of_sessions.iter_mut().for_each(|(_, own)| own.spread = recorded.spread);
-        let (candidates, untestable) = catalogue(&recorded, &of_sessions);
-        self.untestable = untestable;
-        self.add(candidates.into_iter().filter(|c| !c.is_long_curve()).collect());
-        let known = |t: &Term| bare.terms.iter().any(|o| o.does_as(t));
-        let turned = device_orientation(&recorded).filter(|t| !known(t));
-        let is_noise = |t: &Term| t.effect == Cause::ReadingNoise.name();
-        let changed = turned.is_some() || bare.terms.iter().any(is_noise);
-        for k in (0..self.baseline_terms).rev().filter(|k| is_noise(&bare.terms[*k])) {
-            self.fitted.model.terms.remove(k);
-            self.known.remove(k);
-            self.baseline_terms -= 1;
-        }
-        let fitted = std::mem::take(&mut self.fitted_nuisances);
-        let others = std::mem::take(&mut self.nuisances).into_iter().zip(fitted);
-        (self.nuisances, self.fitted_nuisances) = others.filter(|(n, _)| n.cause != Cause::ReadingNoise).unzip();
-        if changed {
-            self.add_to_baseline(turned.into_iter().collect())?;
-        }
-        Ok(changed)
     }
 
     /// Rounds of search and exact refit until the choice stays as it is. What was chosen is where the next round linearizes, so that
@@ -328,36 +297,6 @@ impl Rounds {
     /// Some of the candidates.
     fn members(&self, set: &[usize]) -> Vec<Candidate> {
         set.iter().map(|c| self.candidates[*c].clone()).collect()
-    }
-
-    /// Rows that are off alike at one place are no outliers: if one number more explains several of those that were rejected, they are.
-    /// Whether that was so.
-    pub(crate) fn restore_rows(&mut self) -> Result<bool> {
-        let rejected = |rounds: &Self| rounds.all.observations.len() - rounds.kept.observations.len();
-        let before = rejected(self);
-        if before < ROWS_ALIKE {
-            return Ok(false);
-        }
-        let (round, kept) = (self.round(), std::mem::replace(&mut self.kept, self.all.clone()));
-        let best = {
-            let design = self.design(&self.searched(), &[], self.correlation)?;
-            let search = self.searcher(&design);
-            let state = search.with(&design.start(), &self.chosen);
-            let lean = |c: usize| self.candidates[c].terms.len() == 1 && !self.chosen.contains(&c);
-            search.rank(&state).into_iter().find(|r| lean(r.candidate) && r.evidence > EVIDENCE_NATS)
-        };
-        if let Some(best) = best {
-            self.chosen.push(best.candidate);
-            if self.refit().is_ok() {
-                self.kept = rejection::without_outliers(&self.fitted, &self.all)?;
-                if rejected(self) + ROWS_ALIKE <= before && self.refit().is_ok() {
-                    return Ok(true);
-                }
-            }
-        }
-        self.kept = kept;
-        self.go_back(round);
-        Ok(false)
     }
 
     /// Frequencies faster than any gear; and names lose their privilege where a place does more than its name says, or where
@@ -617,64 +556,6 @@ impl Rounds {
             .sum()
     }
 
-    /// Errors of each session by the arm that the others say, by the plain model and with what was chosen; `None` for one session.
-    ///
-    /// # Errors
-    /// Sessions that do not determine the arm without one of them.
-    pub(crate) fn by_session(&self) -> Result<[Option<ErrorSummary>; 2]> {
-        if self.kept.names.len() < 2 {
-            return Ok([None; 2]);
-        }
-        self.plain_and_whole(&|fit| score_sessions(&self.kept, fit))
-    }
-
-    /// The same of each place of the balls; `None` where none is unknown.
-    ///
-    /// # Errors
-    /// Places that do not determine the arm without one of them.
-    pub(crate) fn by_place(&self) -> Result<[Option<ErrorSummary>; 2]> {
-        self.plain_and_whole(&|fit| Ok(score_places(&self.fitted.model.cell, &self.kept, fit)?.errors))
-    }
-
-    /// What is said of errors by fits to some of the data, of the plain model and with what was chosen.
-    fn plain_and_whole(&self, score: &dyn Fn(Fit<'_>) -> Result<Vec<f64>>) -> Result<[Option<ErrorSummary>; 2]> {
-        let of = |terms: usize| -> Result<Option<ErrorSummary>> {
-            let errors = score(&|data: &Dataset| self.fit_of_some(data, terms))?;
-            Ok((!errors.is_empty()).then(|| ErrorSummary::of(&errors)))
-        };
-        Ok([of(self.baseline_terms)?, of(self.fitted.model.terms.len())?])
-    }
-
-    /// The fit of some of the sessions or places, with those of the first `terms` that act there.
-    fn fit_of_some(&self, data: &Dataset, terms: usize) -> Result<Identified> {
-        let mut model = self.fitted.model.clone();
-        model.terms.truncate(terms);
-        let forward = Forward::new(model.clone(), (0..model.terms.len()).collect())?;
-        let (mut ws, p) = (forward.workspace(), model.terms.len());
-        let mut jacobian = vec![0.0; 6 * p];
-        let mut acts = vec![false; p];
-        for o in &data.observations {
-            let rows = forward.linearize(&o.state, &o.measured, o.frame, &mut ws, &mut jacobian);
-            for (k, acts) in acts.iter_mut().enumerate() {
-                *acts |= (0..rows).any(|row| jacobian[row * p + k] != 0.0);
-            }
-        }
-        // without balls or anchors, measuring frames take up where the base stands
-        let optical = data.observations.iter().all(|o| o.measured.is_framed());
-        let kept: Vec<bool> = model
-            .terms
-            .iter()
-            .zip(acts)
-            .map(|(t, acts)| {
-                acts && !(optical && matches!(t.site, Site::Base(_))) && !stands_for_shared(t, &model, data)
-            })
-            .collect();
-        let mut at = kept.iter();
-        model.terms.retain(|_| at.next().copied().unwrap_or(false));
-        let known: Vec<Known> = self.known.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(k, _)| *k).collect();
-        fit_near_nominal(&model, data, &self.kept, &self.fitted.noise, &known, Vec::new(), &self.params)
-    }
-
     /// Puts terms behind those of the baseline, and fits again.
     fn add_to_baseline(&mut self, terms: Vec<Term>) -> Result<()> {
         let at = self.baseline_terms;
@@ -683,28 +564,6 @@ impl Rounds {
         self.fitted.model.terms.splice(at..at, terms);
         self.refit()
     }
-
-    /// Adds those terms about the readings' own noise that pay to the baseline, and fits again. Whether there were any.
-    fn fit_reading_noise(&mut self) -> Result<bool> {
-        let mut any = false;
-        for k in 0..self.nuisances.len() {
-            if self.fitted_nuisances[k] {
-                continue;
-            }
-            let one = std::slice::from_ref(&self.nuisances[k]);
-            let all = Fitted { known: &self.known, ..Fitted::all(&self.fitted.model) };
-            let Identified { data, noise, .. } = &self.fitted;
-            let design = Design::weighted(all, one, &[], data, noise, CorrelatedNoise::WHITE)?;
-            let temper = temper(&self.fitted.data);
-            let search = Search::new(&design, one, temper);
-            if search.rank(&design.start()).first().is_some_and(|r| r.evidence > EVIDENCE_NATS) {
-                self.add_to_baseline(self.nuisances[k].terms.clone())?;
-                self.fitted_nuisances[k] = true;
-                any = true;
-            }
-        }
-        Ok(any)
-    }
 }
 
 /// Whether a term is a parameter of the arm, its base or its tool: not of a measuring frame, a target, or where balls stood, and not of the
@@ -712,14 +571,6 @@ impl Rounds {
 pub(crate) fn is_parameter_of_arm(t: &Term) -> bool {
     let of_readings = [Cause::ReadingNoise.name(), Cause::JointReadingNoise.name()].contains(&t.effect.as_str());
     !matches!(t.site, Site::Frame { .. } | Site::Target { .. }) && t.effect != "place" && !of_readings
-}
-
-/// Whether a reading that spreads by `spread` (m), of which the fit took `share` for noise, may be noise beside what is left, `sigma`. The share of a
-/// reading's variance that is noise is the best one to take, and leaves the rest of that noise in the residual: a gauge that reads too much has the
-/// share without the rest.
-fn may_be_noise(share: f64, spread: f64, sigma: f64) -> bool {
-    let left = (share * (1.0 - share)).max(0.0).sqrt() * spread;
-    share > READING_SPREAD.powi(-2) && left < 2.0 * sigma
 }
 
 /// Standard deviation of a touch's scalar residual, m; that of any other measurement where there are no touches.
@@ -746,18 +597,4 @@ fn longest_recording(data: &Dataset) -> usize {
 fn temper(data: &Dataset) -> f64 {
     let rows: usize = data.observations.iter().map(|o| trical_model::residual_rows(&o.measured)).sum();
     (6.0 * data.used_poses().len() as f64 / rows as f64).min(1.0)
-}
-
-/// Whether a term is the own tool (or balls) of the first of these sessions, while each of them has its own: what is shared stands for the
-/// first one's then.
-fn stands_for_shared(t: &Term, model: &Model, data: &Dataset) -> bool {
-    let of_balls = |t: &Term| matches!(t.site, Site::Fixture(_));
-    let is_own = |t: &Term, session: u32| {
-        t.basis == Basis::CONSTANT.in_session(session)
-            && matches!(t.site, Site::Tool(_) | Site::Target { .. } | Site::Fixture(_))
-    };
-    let sessions: BTreeSet<u32> = data.observations.iter().filter_map(|o| o.state.session).collect();
-    let all_own =
-        || sessions.iter().all(|s| model.terms.iter().any(|other| is_own(other, *s) && of_balls(other) == of_balls(t)));
-    sessions.first().is_some_and(|first| is_own(t, *first) && all_own())
 }

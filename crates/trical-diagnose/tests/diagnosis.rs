@@ -119,7 +119,8 @@ fn a_joint_whose_zero_differs_between_sessions_is_told_as_of_one_of_them_and_of_
         let all: Vec<Recording> = (0..).zip(arms).map(|(k, arm)| touch(arm, 100, 8e-6, 46 + k)).collect();
         let data = Dataset::build(&all, JointSource::Read, None).unwrap();
         let d = diagnose(&model.robot, &model.cell, &data, &Options::default(), &Task::silent()).unwrap();
-        let [f] = &d.findings[..] else { panic!("{:?}", d.findings) };
+        assert_eq!(d.findings.len(), 1, "{:?}", d.findings);
+        let f = &d.findings[0];
         assert_eq!((f.effect, f.site), (EffectId::JointZeroShift, Place::Joint(3)));
         let undecided = d.cautions.iter().any(|c| c.contains("two sessions hardly tell"));
         (f.session, f.coefficients[0].value, undecided, d.rejected.len())
@@ -132,7 +133,7 @@ fn a_joint_whose_zero_differs_between_sessions_is_told_as_of_one_of_them_and_of_
 }
 
 /// Three targets on the hand of an arm that stands on a rail of 6 m, seen by a tracker at 200 places.
-fn on_rail(bend: f64, turn: f64) -> (Model, trical_ident::Dataset) {
+fn on_rail(bend: f64, turn: f64) -> (Model, Dataset) {
     use rand::RngExt;
     use trical_ident::simulate::{Aim, Scatter, simulate};
     use trical_model::{Axis, JointKind, Parameter, Shape, State, Variable};

@@ -31,7 +31,8 @@ fn ask(r: &Covariates<'_>) -> Asked {
     };
     let mut out = Vec::new();
     if r.one_of_several {
-        let other = |joint| of(joint, format!("joint {joint}'s zero is not that of the other sessions"), Basis::CONSTANT);
+        let other =
+            |joint| of(joint, format!("joint {joint}'s zero is not that of the other sessions"), Basis::CONSTANT);
         out.extend(r.joints().map(other));
     }
     let Some(order) = r.order else { return Asked { candidates: out, lacks: Some(NO_TIME) } };

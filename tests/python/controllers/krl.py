@@ -64,7 +64,10 @@ class Krl(Parser):
                     word = self.next()
                     if word.kind == "name" and word.text not in ("in", "out"):
                         parameters.append(word.text)
-                routines[name] = Function(parameters, self.block("endfct" if function else "end"))
+                block = self.block("endfct" if function else "end")
+                # what is declared of a parameter is its type
+                own = [s for s in block if not (s[0] == "declare" and s[2] in parameters)]
+                routines[name] = Function(parameters, own)
             elif self.has("defdat"):
                 self.line()
             else:

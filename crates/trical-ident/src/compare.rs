@@ -545,7 +545,7 @@ impl Whitened {
                 next += self.columns[*k].len();
                 let number = |(i, term): (usize, &usize)| {
                     let (t, at) = (&model.terms[*term], first + i);
-                    let u = unit(t);
+                    let u = unit(&model.robot, t);
                     let sd = (solved[(at, at + 1)] * more_noise).max(0.0).sqrt() / lengths[at] * u.per_si.abs();
                     Changed { name: t.name.clone(), value: solved[(at, 0)] / lengths[at] * u.per_si, sd, unit: u.name }
                 };
@@ -567,7 +567,7 @@ impl Whitened {
                 let mut per_si = None;
                 let mut axes: Vec<(&str, Vec<f64>)> = Vec::new();
                 for (t, c) in e.terms.iter().map(|t| &model.terms[*t]).zip(columns) {
-                    let u = unit(t);
+                    let u = unit(&model.robot, t);
                     if u.name != of {
                         continue;
                     }

@@ -545,5 +545,5 @@ impl ModelFile {
 /// The operating system's, with the file's name.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     trical_recording::whole::write_whole(path, bytes)
-        .map_err(|e| IdentError::File { file: path.display().to_string(), problem: format!("cannot be written: {e}") })
+        .map_err(|source| trical_recording::RecordError::Io { path: path.to_owned(), action: "write", source }.into())
 }

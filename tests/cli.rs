@@ -413,6 +413,12 @@ fn wrong_input_is_noticed() {
     let told = place.good(&words("history runs --model m.toml --report h.html --table h.csv"));
     assert!(told.ends_with("\n\nWrote h.html and h.csv\n"), "{told}");
     place.refuses(&words("history runs --model m.toml --table runs/h.csv"), &["--table: runs/h.csv", "for a session"]);
+    // a full disk is nobody's wrong input
+    #[cfg(target_os = "linux")]
+    for output in ["--out", "--report", "--certificate"] {
+        let done = place.run(&in_cell(&format!("identify run.csv {output} /dev/full")));
+        assert_eq!(done.status.code(), Some(1), "{output}: {done:?}");
+    }
     // files that are no recordings
     place.write("sheet.xlsx", "PK\u{3}\u{4}xl/workbook.xml");
     place.refuses(&identify("sheet.xlsx"), &["sheet.xlsx: is a spreadsheet", "save the sheet as CSV"]);

@@ -5,7 +5,7 @@ use trical_ident::dataset::Dataset;
 use trical_ident::fit::position_errors;
 use trical_ident::identify::{ErrorSummary, Identified};
 use trical_ident::units::unit;
-use trical_model::{Forward, Model, Place, Scope, Term};
+use trical_model::{Forward, Model, Place, Robot, Scope, Term};
 
 use crate::candidate::{Candidate, cycles_of};
 use crate::diagnosis::{Blind, Coefficient, Evidence, Finding, Rival, Unexplained};
@@ -64,12 +64,13 @@ pub(crate) struct Proof {
 }
 
 pub(crate) fn coefficients(model: &Model, local: &Candidate) -> Vec<Coefficient> {
-    local.terms.iter().filter_map(|t| model.terms.iter().find(|m| m.does_as(t))).map(coefficient).collect()
+    let fitted = local.terms.iter().filter_map(|t| model.terms.iter().find(|m| m.does_as(t)));
+    fitted.map(|t| coefficient(&model.robot, t)).collect()
 }
 
 /// A term's coefficient in its unit.
-pub(crate) fn coefficient(term: &Term) -> Coefficient {
-    let u = unit(term);
+pub(crate) fn coefficient(robot: &Robot, term: &Term) -> Coefficient {
+    let u = unit(robot, term);
     Coefficient {
         name: term.name.clone(),
         value: term.value * u.per_si,
@@ -369,11 +370,12 @@ mod tests {
     fn a_coefficient_has_the_unit_of_its_site_and_a_gap_is_positive() {
         let mut term = ripple(2, 100.0).terms.remove(0);
         (term.value, term.sd) = (1e-3, Some(1e-4));
-        let told = coefficient(&term);
+        let robot = crate::test_data::arm().robot;
+        let told = coefficient(&robot, &term);
         assert_eq!((told.unit.as_str(), told.sd), ("deg", Some(1e-4_f64.to_degrees())));
         assert!((told.value - 1e-3_f64.to_degrees()).abs() < 1e-12);
         term.basis = Basis::direction(2);
-        assert!((coefficient(&term).value + 1e-3_f64.to_degrees()).abs() < 1e-12);
+        assert!((coefficient(&robot, &term).value + 1e-3_f64.to_degrees()).abs() < 1e-12);
     }
 
     /// Of an arm whose joint 2 is off by a large and a small wave of its angle: what `ask` says of waves of joints 2 and 3.

@@ -89,6 +89,14 @@ pub struct Change {
     pub rivals: Vec<String>,
 }
 
+impl Change {
+    /// Whether it is at least as probable as all other explanations together.
+    #[must_use]
+    pub fn is_likely(&self) -> bool {
+        self.probability >= 0.5
+    }
+}
+
 /// The smallest change that these poses would show nine times in ten; of a tool or base that of its place, and then
 /// that of its direction, whichever way it goes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -119,13 +127,13 @@ pub struct Comparison {
     /// can be seen.
     pub anew: Vec<&'static str>,
     /// "unchanged", "setup changed" (tool or base only), "arm changed", "wrong touches" (only those), "nothing visible"
-    /// (these measurements would show no change).
+    /// (these measurements would show no change); "perhaps arm changed" and the like where no change is as sure as one half.
     pub verdict: &'static str,
     /// In plain sentences.
     pub summary: String,
-    /// Whether an error that the calibration left may look like the change; the summary says so.
+    /// That an error which the calibration left may look like the change, where that is so; the summary ends with it.
     #[serde(skip)]
-    pub doubted: bool,
+    pub doubt: Option<String>,
     /// What changed, the surest first.
     pub changes: Vec<Change>,
     /// What would have been seen.
@@ -205,7 +213,7 @@ pub fn compare(
     out.summary = in_words(&out);
     if let Some(doubt) = doubt(&out, usual_mm(&adapted.data)) {
         out.summary += &format!(" {doubt}");
-        out.doubted = true;
+        out.doubt = Some(doubt);
     }
     let left = out.more_noise * uncertainty.noise;
     if left > ANOTHER_ARM.0 && out.more_noise > ANOTHER_ARM.1 {
@@ -333,14 +341,18 @@ fn extend(basis: &mut Vec<Vec<f64>>, columns: &[Vec<f64>]) -> usize {
     basis.len() - before
 }
 
-/// What changed, in two words.
+/// What changed, in two words; of what is less sure than one half, that it did so perhaps.
 fn verdict(changes: &[Change]) -> &'static str {
-    let has = |scope| changes.iter().any(|c| c.scope == scope);
+    let sure = changes.iter().any(Change::is_likely);
+    let has = |scope| changes.iter().any(|c| c.scope == scope && c.is_likely() == sure);
     match (has(Scope::Arm), has(Scope::Setup), changes.is_empty()) {
-        (true, ..) => "arm changed",
-        (_, true, _) => "setup changed",
+        (true, ..) if sure => "arm changed",
+        (true, ..) => "perhaps arm changed",
+        (_, true, _) if sure => "setup changed",
+        (_, true, _) => "perhaps setup changed",
         (.., true) => "unchanged",
-        _ => "wrong touches",
+        _ if sure => "wrong touches",
+        _ => "perhaps wrong touches",
     }
 }
 
@@ -469,7 +481,7 @@ impl Whitened {
                 verdict(&changes)
             },
             summary: String::new(),
-            doubted: false,
+            doubt: None,
             changes,
             visible,
             mean_mm: 0.0,
@@ -545,7 +557,7 @@ impl Whitened {
                 next += self.columns[*k].len();
                 let number = |(i, term): (usize, &usize)| {
                     let (t, at) = (&model.terms[*term], first + i);
-                    let u = unit(t);
+                    let u = unit(&model.robot, t);
                     let sd = (solved[(at, at + 1)] * more_noise).max(0.0).sqrt() / lengths[at] * u.per_si.abs();
                     Changed { name: t.name.clone(), value: solved[(at, 0)] / lengths[at] * u.per_si, sd, unit: u.name }
                 };
@@ -567,7 +579,7 @@ impl Whitened {
                 let mut per_si = None;
                 let mut axes: Vec<(&str, Vec<f64>)> = Vec::new();
                 for (t, c) in e.terms.iter().map(|t| &model.terms[*t]).zip(columns) {
-                    let u = unit(t);
+                    let u = unit(&model.robot, t);
                     if u.name != of {
                         continue;
                     }
@@ -675,10 +687,11 @@ fn in_words(c: &Comparison) -> String {
     let sentence = |change: &Change| {
         let sure = (change.probability * 100.0).floor().min(99.0);
         let or = if change.rivals.is_empty() { String::new() } else { format!(" (or {})", change.rivals.join(", ")) };
+        let what = capital(&if change.is_likely() { change.what.clone() } else { format!("perhaps {}", change.what) });
         if change.scope == Scope::Reading {
-            format!("{}{or} is wrong, {sure:.0} % sure.", capital(&change.what))
+            format!("{what}{or} is wrong, {sure:.0} % sure.")
         } else {
-            format!("{}{or} changed{}, {sure:.0} % sure.", capital(&change.what), size(change))
+            format!("{what}{or} changed{}, {sure:.0} % sure.", size(change))
         }
     };
     words.extend(c.changes.iter().map(sentence));
@@ -707,4 +720,45 @@ fn in_words(c: &Comparison) -> String {
 pub fn capital(text: &str) -> String {
     let mut letters = text.chars();
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_less_sure_than_one_half_is_no_fact_in_verdict_and_summary() {
+        let change = |scope, probability| Change {
+            what: "joint 3".into(),
+            scope,
+            probability,
+            p_value: 0.01,
+            by: Vec::new(),
+            rivals: vec!["joint 2".into()],
+        };
+        let verdict_of = |all: &[(Scope, f64)]| verdict(&all.iter().map(|c| change(c.0, c.1)).collect::<Vec<_>>());
+        assert_eq!(verdict_of(&[(Scope::Arm, 0.37)]), "perhaps arm changed");
+        assert_eq!(verdict_of(&[(Scope::Arm, 0.5)]), "arm changed");
+        assert_eq!(verdict_of(&[(Scope::Setup, 0.9), (Scope::Arm, 0.37)]), "setup changed");
+        assert_eq!(verdict_of(&[(Scope::Reading, 0.4)]), "perhaps wrong touches");
+        let told = in_words(&Comparison {
+            recording: String::new(),
+            hash: String::new(),
+            measurements: 10,
+            rejected: Vec::new(),
+            setup_of: None,
+            anew: Vec::new(),
+            verdict: "perhaps arm changed",
+            summary: String::new(),
+            doubt: None,
+            changes: vec![change(Scope::Arm, 0.37)],
+            visible: Vec::new(),
+            mean_mm: 0.1,
+            noise_mm: 0.01,
+            more_noise: 1.0,
+            temp_c: None,
+            alone: Vec::new(),
+        });
+        assert_eq!(told, "Perhaps joint 3 (or joint 2) changed, 37 % sure.");
+    }
 }

@@ -79,7 +79,7 @@ pub fn rejected_in_words(rejected: &[Rejected]) -> Option<String> {
     }
     let (count, commonest) = alike.into_values().max_by_key(|(count, _)| *count)?;
     Some(match (rejected.len(), count) {
-        (1, _) => format!("1 row rejected: {}", commonest.reason),
+        (1, _) => format!("1 row rejected, line {}: {}", commonest.line, commonest.reason),
         (n, same) if same == n => format!("{n} rows rejected, such as line {}: {}", commonest.line, commonest.reason),
         (n, same) => format!("{n} rows rejected, {same} of them such as line {}: {}", commonest.line, commonest.reason),
     })
@@ -447,7 +447,7 @@ mod tests {
         let off = |line: usize, mm: f64| of(line, &format!("a reference is {mm:.3} mm off its place"));
         assert_eq!(rejected_in_words(&[]), None);
         let one = [off(3, 0.1)];
-        assert_eq!(rejected_in_words(&one).unwrap(), "1 row rejected: a reference is 0.100 mm off its place");
+        assert_eq!(rejected_in_words(&one).unwrap(), "1 row rejected, line 3: a reference is 0.100 mm off its place");
         let some = [of(2, "gross"), off(3, 0.1), off(7, 0.25)];
         let said = "3 rows rejected, 2 of them such as line 3: a reference is 0.100 mm off its place";
         assert_eq!(rejected_in_words(&some).unwrap(), said);

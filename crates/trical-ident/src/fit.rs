@@ -4,7 +4,7 @@ use faer::Mat;
 use rayon::prelude::*;
 use trical_model::Forward;
 
-use crate::dataset::{Dataset, Observation};
+use crate::dataset::{Dataset, Observation, rejected_in_words};
 use crate::error::{IdentError, Result};
 use crate::known::Known;
 use crate::noise::Noise;
@@ -29,9 +29,10 @@ pub fn check_count(data: &Dataset, p: usize, known: &[Known]) -> Result<usize> {
     let scalars = data.scalars();
     if scalars + known.iter().filter(|k| k.prior.is_some()).count() < p {
         return Err(IdentError::NotEnough(format!(
-            "{} measurements give {scalars} numbers, but {p} parameters are to be identified: more measurements, or a \
+            "{} measurements give {scalars} numbers{}, but {p} parameters are to be identified: more measurements, or a \
              smaller --model, are needed",
-            data.observations.len()
+            data.observations.len(),
+            rejected_in_words(&data.rejected).map_or_else(String::new, |r| format!(" ({r})")),
         )));
     }
     Ok(scalars)

@@ -119,16 +119,35 @@ fn trend(x: &[f64], y: &[f64]) -> Option<Trend> {
 
 fn due(sessions: &[Comparison], steps: &[f64], trend: Option<Trend>, need: Option<f64>, unit: &str) -> String {
     let Some(last) = sessions.last() else { return String::new() };
-    if last.verdict == "arm changed" && last.doubted {
+    if last.verdict == "arm changed" && last.doubt.is_none() {
+        return format!(
+            "The next calibration is due now: in the last session ({}) the arm is not what it was.",
+            last.recording
+        );
+    }
+    // too large an error is one, whatever caused it
+    if let Some(need) = need.filter(|need| last.mean_mm > *need) {
+        return format!(
+            "The next calibration is due now: the mean error is {:.3} mm, more than the {need} mm that the work allows.",
+            last.mean_mm
+        );
+    }
+    if last.verdict == "arm changed" {
         return format!(
             "The arm seems to have changed in the last session ({}), but the calibration itself leaves errors that can look like it: compare \
              with a diagnosed model before you calibrate anew.",
             last.recording
         );
     }
-    if last.verdict == "arm changed" {
+    if last.verdict == "perhaps arm changed" {
         return format!(
-            "The next calibration is due now: in the last session ({}) the arm is not what it was.",
+            "Whether the next calibration is due is not known: the arm perhaps changed in the last session ({}). More measurements would tell.",
+            last.recording
+        );
+    }
+    if last.verdict == "nothing visible" {
+        return format!(
+            "When the next calibration is due is not known: the poses of the last session ({}) would show no change.",
             last.recording
         );
     }
@@ -136,12 +155,6 @@ fn due(sessions: &[Comparison], steps: &[f64], trend: Option<Trend>, need: Optio
         return "When the next calibration is due is not known: the mean error that the work allows is not given."
             .into();
     };
-    if last.mean_mm > need {
-        return format!(
-            "The next calibration is due now: the mean error is {:.3} mm, more than the {need} mm that the work allows.",
-            last.mean_mm
-        );
-    }
     if trend.is_none() {
         return format!(
             "The next calibration is not due yet: the mean error is {:.3} mm of the {need} mm that the work allows. Whether it grows cannot be told from fewer than four \
@@ -193,7 +206,7 @@ mod tests {
                 measurements: 12,
                 verdict,
                 summary: String::new(),
-                doubted: false,
+                doubt: None,
                 setup_of: None,
                 anew: Vec::new(),
                 rejected: Vec::new(),
@@ -223,10 +236,19 @@ mod tests {
         assert!(says(&unchanged, grows(0.001), None).contains("is not known"));
         assert!(says(&last(0.2, "arm changed"), None, None).contains("(last.csv) the arm is not what it was"));
         let mut doubted = last(0.2, "arm changed");
-        doubted[0].doubted = true;
+        doubted[0].doubt = Some("But the calibration itself left much.".into());
         assert!(
             says(&doubted, None, None).starts_with("The arm seems to have changed in the last session (last.csv), but")
         );
+        assert!(
+            says(&doubted, None, Some(0.1)).starts_with("The next calibration is due now: the mean error is 0.200 mm")
+        );
+        let perhaps = last(0.2, "perhaps arm changed");
+        assert!(says(&perhaps, None, Some(0.3)).contains("the arm perhaps changed in the last session (last.csv)"));
+        assert!(says(&perhaps, None, Some(0.1)).contains("is due now: the mean error"));
+        let blind = last(0.2, "nothing visible");
+        assert!(says(&blind, None, Some(0.3)).contains("(last.csv) would show no change"));
+        assert!(says(&blind, None, Some(0.1)).contains("is due now"));
         assert_eq!(says(&[], None, None), "");
     }
 }

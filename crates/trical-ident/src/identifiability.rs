@@ -572,7 +572,15 @@ fn independent_of(
     let mut triangle = Triangle::default();
     let mut dependent = Vec::new();
     let named = |c: usize, with: Vec<String>| Dependent { name: terms[c].name.clone(), with, held: false };
-    for (c, column) in columns.chunks_exact_mut(height.max(1)).enumerate() {
+    // a tool that only shifts all unknown places stays where the cell file has it, and not one of the places, of which the cell file
+    // knows nothing: the others, and the tool, would be off by as much as that one is
+    let mut order: Vec<_> = columns.chunks_exact_mut(height.max(1)).enumerate().collect();
+    order.sort_by_key(|(c, _)| match terms[*c].effect.as_str() {
+        "frame" | "base" => 0,
+        "place" => 1,
+        _ => 2,
+    });
+    for (c, column) in order {
         let norm = dot(column, column).sqrt();
         if norm < 1e-9 {
             if terms[c].effect != "compliance" {
@@ -581,7 +589,8 @@ fn independent_of(
             continue;
         }
         column.iter_mut().for_each(|x| *x /= norm);
-        if let Err(shares) = triangle.keep(c, column) {
+        if let Err(mut shares) = triangle.keep(c, column) {
+            shares.sort_unstable_by_key(|(k, _)| *k);
             let with = shares.iter().filter(|(_, s)| s.abs() > 1e-3).map(|(k, _)| terms[*k].name.clone()).collect();
             dependent.push(named(c, with));
         }

@@ -525,6 +525,10 @@ pub(crate) fn refit(model: Model, free: Vec<usize>, data: &Dataset) -> Result<Fo
 /// A fit to some of the data.
 pub type Fit<'a> = &'a dyn Fn(&Dataset) -> Result<Identified>;
 
+/// Where most residuals count linearly, as those of a nominal arm do, the weights follow the residuals step by step and a fit converges linearly:
+/// it takes some hundred iterations.
+const ROBUST_ITERATIONS: usize = 2000;
+
 /// How a fit begins and what it minimizes: plain least squares; where places of balls are unknown, as with printed sockets, with their
 /// play as noise and a robust loss.
 #[must_use]
@@ -533,7 +537,10 @@ pub fn manner(model: &Model, data: &Dataset) -> (Noise, LmParams) {
     if ball_places::unknown_places(&model.cell, data).is_empty() {
         (Noise::usual(recordings), LmParams::default())
     } else {
-        (Noise::of_sockets(recordings), LmParams { huber: ball_places::HUBER, ..LmParams::default() })
+        (
+            Noise::of_sockets(recordings),
+            LmParams { huber: ball_places::HUBER, max_iterations: ROBUST_ITERATIONS, ..LmParams::default() },
+        )
     }
 }
 

@@ -136,7 +136,7 @@ impl KnownParameters {
             // shown = offset + factor * value
             term.value = 0.0;
             let offset = shown(model, &term).value;
-            let factor = crate::units::unit(&term).per_si;
+            let factor = crate::units::unit(&model.robot, &term).per_si;
             let si = |v: f64| (v - offset) / factor;
             let prior = k.value.zip(k.sd).map(|(value, sd)| Prior { value: si(value), sd: sd / factor.abs() });
             let [min, max] = if factor < 0.0 { [k.max, k.min] } else { [k.min, k.max] };

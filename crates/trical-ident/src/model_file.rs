@@ -12,7 +12,7 @@ use trical_model::{
 use crate::dataset::{Dataset, JointSource, References};
 use crate::error::{IdentError, Result};
 use crate::identify::Identified;
-use crate::units::unit;
+use crate::units::{unit, unit_of_turning};
 
 /// A model as it is kept in a file.
 #[derive(Clone, Debug, PartialEq)]
@@ -265,13 +265,15 @@ impl FrameFile {
 }
 
 impl TermFile {
-    /// A term of a file of this version.
-    fn read(self, format_version: u32) -> std::result::Result<Term, String> {
+    /// A term of a file of this version, of an arm. Earlier builds wrote what a joint that slides does as if it turned: the factor is that of
+    /// the unit that stands there.
+    fn read(self, robot: &Robot, format_version: u32) -> std::result::Result<Term, String> {
         let mut term = Term::new(self.name, self.effect, self.site, self.basis);
-        let u = unit(&term);
-        if u.name != self.unit {
-            return Err(format!("term {} has unit '{}', expected '{}'", term.name, self.unit, u.name));
-        }
+        let told = unit(robot, &term);
+        let known = [told.clone(), unit_of_turning(&term)].into_iter().find(|u| u.name == self.unit);
+        let Some(u) = known else {
+            return Err(format!("term {} has unit '{}', expected '{}'", term.name, self.unit, told.name));
+        };
         if !self.value.is_finite() {
             return Err(format!("term {} has value {}, expected a finite number", term.name, self.value));
         }
@@ -373,7 +375,7 @@ impl ModelFile {
             .terms
             .iter()
             .map(|t| {
-                let u = unit(t);
+                let u = unit(&m.robot, t);
                 TermFile {
                     name: t.name.clone(),
                     effect: t.effect.clone(),
@@ -462,7 +464,7 @@ impl ModelFile {
         let terms = file
             .terms
             .into_iter()
-            .map(|t| t.read(file.format_version))
+            .map(|t| t.read(&robot, file.format_version))
             .collect::<std::result::Result<_, _>>()
             .map_err(bad)?;
         if let Some((k, s)) =
@@ -543,5 +545,5 @@ impl ModelFile {
 /// The operating system's, with the file's name.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     trical_recording::whole::write_whole(path, bytes)
-        .map_err(|e| IdentError::File { file: path.display().to_string(), problem: format!("cannot be written: {e}") })
+        .map_err(|source| trical_recording::RecordError::Io { path: path.to_owned(), action: "write", source }.into())
 }

@@ -1,6 +1,8 @@
 //! Coefficients as people read them: units, and values beside nominal.
 
-use trical_model::{Model, Motion, Parameter, Payload, Place, Pose, Shape, Site, Term, Variable};
+use trical_model::{
+    Axis, JointKind, Model, Motion, Parameter, Payload, Place, Pose, Robot, Shape, Site, Term, Variable,
+};
 
 /// A coefficient's unit and how many of it one SI unit is.
 #[derive(Clone, Debug, PartialEq)]
@@ -12,16 +14,33 @@ pub struct Unit {
     pub per_si: f64,
 }
 
-/// The unit of a term's coefficient.
+/// The unit of a term's coefficient: that of a joint which slides is a length.
 #[must_use]
-pub fn unit(term: &Term) -> Unit {
-    let unit = magnitude(term);
+pub fn unit(robot: &Robot, term: &Term) -> Unit {
+    let unit = magnitude(term, &|joint| kind_of(robot, joint));
     Unit { per_si: if term.basis.sense.is_some() { -unit.per_si } else { unit.per_si }, ..unit }
 }
 
-/// The unit, whatever the sense of motion does.
-fn magnitude(term: &Term) -> Unit {
+/// As [`unit`], as model files had it before joints that slide were told in mm: every joint turns.
+pub(crate) fn unit_of_turning(term: &Term) -> Unit {
+    let unit = magnitude(term, &|_| JointKind::Revolute);
+    Unit { per_si: if term.basis.sense.is_some() { -unit.per_si } else { unit.per_si }, ..unit }
+}
+
+/// How a joint (from 1) moves; one that the arm does not have turns.
+fn kind_of(robot: &Robot, joint: usize) -> JointKind {
+    joint.checked_sub(1).and_then(|k| robot.joints.get(k)).map_or_else(JointKind::default, |j| j.kind)
+}
+
+/// The unit, whatever the sense of motion does, of an arm whose joints (from 1) move as `kind` says.
+fn magnitude(term: &Term, kind: &dyn Fn(usize) -> JointKind) -> Unit {
     let deg = 1.0_f64.to_degrees();
+    let of_joint = |joint: usize| {
+        let (per_si, name) = kind(joint).unit();
+        (name, per_si)
+    };
+    // what a joint bears along its axis: a force, where it slides
+    let load = |joint: usize| if kind(joint) == JointKind::Prismatic { ("N", 1.0) } else { ("Nm", 1.0) };
     let (site, site_factor) = match term.site {
         Site::Link { parameter: Parameter::A | Parameter::D, .. }
         | Site::Base(Motion::Along(_))
@@ -36,7 +55,9 @@ fn magnitude(term: &Term) -> Unit {
         Site::Gravity(_) => ("m/s2", 1.0),
         Site::Payload(Payload::Mass) => ("kg", 1.0),
         Site::Payload(Payload::Moment(_)) => ("kg mm", 1e3),
-        Site::AllJoints | Site::Joint { .. }
+        Site::Joint { joint } => of_joint(joint),
+        // of each joint its own
+        Site::AllJoints
             if matches!(term.basis.of, Variable::Joint { .. } | Variable::Lag { .. })
                 && term.basis.shape == Shape::Linear =>
         {
@@ -52,11 +73,12 @@ fn magnitude(term: &Term) -> Unit {
     };
     let (of, of_factor): (&str, f64) = match term.basis.of {
         Variable::Nothing => ("", 1.0),
-        Variable::Joint { .. } | Variable::Inclination { .. } | Variable::Lag { .. } => ("deg", deg),
-        Variable::Moment { .. }
-        | Variable::FootMoment { .. }
-        | Variable::PartMoment { .. }
-        | Variable::Torque { .. } => ("Nm", 1.0),
+        Variable::Joint { joint } | Variable::Lag { joint } => of_joint(joint),
+        Variable::Inclination { .. } => ("deg", deg),
+        Variable::Torque { joint }
+        | Variable::Moment { joint, axis: Axis::Z }
+        | Variable::FootMoment { joint, axis: Axis::Z } => load(joint),
+        Variable::Moment { .. } | Variable::FootMoment { .. } | Variable::PartMoment { .. } => ("Nm", 1.0),
         Variable::Time => ("s", 1.0),
         Variable::Seq => ("pose", 1.0),
         Variable::Temperature { .. } => ("K", 1.0),
@@ -95,7 +117,7 @@ pub struct Shown {
 /// what is added to nominal; a measuring frame's rotation is shown as ZYX angles of `frame_from_world`.
 #[must_use]
 pub fn shown(model: &Model, term: &Term) -> Shown {
-    let u = unit(term);
+    let u = unit(&model.robot, term);
     let constant = term.basis.is_constant();
     let link = |k: usize| model.robot.joints.get(k);
     let cell = &model.cell;
@@ -149,4 +171,38 @@ pub fn shown(model: &Model, term: &Term) -> Shown {
 /// `frame_from_world` with the constant terms.
 fn frame_pose(model: &Model, frame: usize) -> Option<Pose> {
     trical_model::Forward::new(model.clone(), Vec::new()).ok()?.frame_from_world(frame.checked_sub(1)?)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use trical_model::Basis;
+
+    use super::*;
+
+    #[test]
+    fn what_a_joint_that_slides_does_is_told_in_mm_and_by_mm() {
+        let joint = |kind: &str, limits: &str| {
+            format!("[[joint]]\n{kind}alpha_deg = 0\na_mm = 0\nd_mm = 0\ntheta_offset_deg = 0\n{limits}\n")
+        };
+        let slides = joint("kind = \"prismatic\"\n", "limits_mm = [0, 900]");
+        let robot =
+            Robot::parse(&format!("name = \"rail\"\n{slides}{}", joint("", "limits_deg = [-90, 90]")), "rail.toml")
+                .unwrap();
+        let of = |joint: usize, basis: Basis| {
+            let u = unit(&robot, &Term::new("x", "x", Site::Joint { joint }, basis));
+            (u.name, (u.per_si * 1e6).round() / 1e6)
+        };
+        let by = |of: Variable| Basis::new(of, Shape::Linear);
+        let is = |name: &str, per_si: f64| (name.to_owned(), per_si);
+        assert_eq!(of(1, Basis::CONSTANT), is("mm", 1e3));
+        assert_eq!(of(2, Basis::CONSTANT), is("deg", 57.29578));
+        assert_eq!(of(1, Basis::direction(1)), is("mm", -1e3));
+        assert_eq!(of(1, by(Variable::Temperature { reference_c: 20.0 })), is("mm/K", 1e3));
+        assert_eq!(of(1, by(Variable::Torque { joint: 1 })), is("mm/N", 1e3));
+        let along = |joint: usize| by(Variable::Joint { joint });
+        assert_eq!((of(1, along(1)), of(2, along(2))), (is("1", 1.0), is("1", 1.0)));
+        assert_eq!((of(2, along(1)), of(1, along(2))), (is("deg/mm", 0.057_296), is("mm/deg", 17.453_293)));
+    }
 }

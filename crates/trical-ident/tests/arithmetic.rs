@@ -253,6 +253,28 @@ fn a_gap_is_positive_in_a_model_file_as_it_is_told_and_older_files_mean_what_the
 }
 
 #[test]
+fn a_jump_of_a_sliding_joint_is_in_mm_in_a_model_file_and_earlier_builds_deg_is_read_as_it_was_meant() {
+    let mut model = nominal();
+    model.robot.joints[1].kind = trical_model::JointKind::Prismatic;
+    let jump = Term::new("zero_shift_2", "joint_zero_shift", Site::Joint { joint: 2 }, Basis::CONSTANT);
+    model.terms = vec![Term { value: 3e-4, ..jump }];
+    let text = ModelFile::unmeasured(model).to_toml().unwrap();
+    let value = |text: &str| ModelFile::parse(text, "m.toml").map(|file| file.model.terms[0].value);
+    assert!((value(&text).unwrap() - 3e-4).abs() < 1e-15);
+    let (before, term) = text.split_once("[[term]]").unwrap();
+    assert!(term.contains("unit = \"mm\""), "{term}");
+    let at = |value: &str, unit: &str| {
+        let line = |l: &str| if l.starts_with("value = ") { format!("value = {value}") } else { l.to_owned() };
+        let term = term.replace("unit = \"mm\"", &format!("unit = \"{unit}\""));
+        format!("{before}[[term]]{}", term.lines().map(line).collect::<Vec<_>>().join("\n"))
+    };
+    assert!((value(&at("0.3", "mm")).unwrap() - 3e-4).abs() < 1e-15);
+    assert!((value(&at("0.0171887338539247", "deg")).unwrap() - 3e-4).abs() < 1e-15);
+    let error = value(&at("0.3", "mm/K")).unwrap_err().to_string();
+    assert!(error.contains("unit 'mm/K', expected 'mm'"), "{error}");
+}
+
+#[test]
 fn a_refit_is_scored_on_the_other_poses_and_regions_lose_nothing() {
     let recording =
         Recording { name: "made".into(), joints: 6, rows: touch_rows(40, |_, rng| noise(rng)), ..Recording::default() };

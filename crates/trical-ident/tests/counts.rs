@@ -182,3 +182,13 @@ fn a_gantry_of_three_slides_has_9_by_position_and_12_by_pose() {
     let arm = made(&[(0.0, 0.0, 0.0, "prismatic"), (-90.0, 0.0, 0.0, "prismatic"), (-90.0, 0.0, 0.0, "prismatic")]);
     counts(&arm, 0, 3, 0);
 }
+
+#[test]
+fn too_few_measurements_name_the_row_that_was_rejected_of_them() {
+    let mut data = crate::arm::touches_of(9);
+    let reason = "1.204 mm off, 31 times what is usual".to_owned();
+    data.rejected.push(trical_ident::Rejected { recording: "new.csv".into(), line: 7, row: 6, reason });
+    let error = trical_ident::fit::check_count(&data, 32, &[]).unwrap_err().to_string();
+    let said = "9 measurements give 27 numbers (1 row rejected, line 7: 1.204 mm off, 31 times what is usual), but 32";
+    assert!(error.starts_with(said), "{error}");
+}

@@ -120,3 +120,61 @@ fn sockets_are_written_as_one_distance_or_none() {
     );
     assert!(wrong("distances_mm = { d12 = 0 }").contains("expected a distance above 0"));
 }
+
+/// A SCARA's last axis is vertical in every pose: the length of its tool and the heights of all unknown places are one.
+#[test]
+fn a_tool_that_only_raises_all_unknown_places_stays_as_the_cell_file_has_it() {
+    let joint = |kind: &str, alpha: u8, a: u16, d: u16, limits: &str| {
+        format!("[[joint]]\n{kind}alpha_deg = {alpha}\na_mm = {a}\nd_mm = {d}\ntheta_offset_deg = 0\n{limits}\n")
+    };
+    let text = "name = \"SCARA\"\n".to_owned()
+        + &joint("", 0, 0, 380, "limits_deg = [-130, 130]")
+        + &joint("", 0, 325, 0, "limits_deg = [-145, 145]")
+        + &joint("kind = \"prismatic\"\n", 180, 275, 0, "limits_mm = [0, 200]")
+        + &joint("", 0, 0, 0, "limits_deg = [-360, 360]");
+    let robot = trical_model::Robot::parse(&text, "scara.toml").unwrap();
+    let text =
+        "[base]\nxyz_mm = [0, 0, 0]\nzyx_deg = [0, 0, 0]\n[tool]\ntcp_mm = [60, -25, 60]\n[balls]\ndistances_mm = {}";
+    let cell = Cell::parse(text, "cell.toml").unwrap();
+    let mut truth = Model::nominal(robot.clone(), cell.clone());
+    for (name, link, value) in [("a_1", 1, 4e-4), ("a_2", 2, -3e-4)] {
+        let site = Site::Link { link, parameter: trical_model::Parameter::A };
+        truth.terms.push(Term { value, ..Term::new(name, "geometry", site, Basis::CONSTANT) });
+    }
+    let forward = trical_model::Forward::new(truth, Vec::new()).unwrap();
+    let mut ws = forward.workspace();
+    let mut recording = Recording { name: "sockets.csv".into(), joints: 4, ..Recording::default() };
+    // parts of multiples of square roots, which have no period
+    let part = |k: usize, step: f64| ((k as f64 + 0.5) * step).fract() - 0.5;
+    let sockets = [[0.40, 0.10, 0.15], [0.25, -0.35, 0.152], [0.05, 0.45, 0.148]];
+    for (place, socket) in sockets.into_iter().enumerate() {
+        recording.places.push(format!("p{}", place + 1));
+        for _ in 0..30 {
+            let k = recording.rows.len();
+            // the wrist is where the tool, turned by psi, is at the socket: a plane arm of two links
+            let psi = 6.0 * part(k, 0.4142);
+            let tool = nalgebra::Rotation2::new(psi) * nalgebra::Vector2::new(0.06, 0.025);
+            let (x, y) = (socket[0] - tool.x, socket[1] - tool.y);
+            let elbow =
+                ((x * x + y * y - 0.325 * 0.325 - 0.275 * 0.275) / (2.0 * 0.325 * 0.275)).clamp(-1.0, 1.0).acos();
+            let elbow = if k % 2 == 0 { elbow } else { -elbow };
+            let shoulder = y.atan2(x) - (0.275 * elbow.sin()).atan2(0.325 + 0.275 * elbow.cos());
+            let q = [shoulder, elbow, 0.32 - socket[2] + 4e-4 * part(k, 0.7321), shoulder + elbow - psi];
+            let state = trical_model::State { place: Some(place), ..trical_model::State::at(&q) };
+            let tcp = forward.world_from_tool(&state, &mut ws);
+            let i = tcp.rotation.transpose() * (Vector3::from(socket) - tcp.translation);
+            let reading = std::array::from_fn(|a| i[a] + NOISE * 3.4 * part(k, [0.2361, 0.6458, 0.3166][a]));
+            let measured = trical_model::Measured::Touch { ball: 0, reading };
+            recording.rows.push(trical_model::Row { state, measured, seq: None, line: k + 2 });
+        }
+    }
+    let c = calibrate(&robot, &cell, &[recording], &Options::new(ParameterSet::Geometry), &Task::silent()).unwrap();
+    let told = c.fitted.left_out();
+    assert!(told.iter().any(|t| t == "tool_z (moves together with place1_z, place2_z, place3_z)"), "{told:?}");
+    for (k, socket) in sockets.iter().enumerate() {
+        let term = c.fitted.model.terms.iter().find(|t| t.name == format!("place{}_z", k + 1)).unwrap();
+        let z = trical_ident::shown(&c.fitted.model, term).value;
+        assert!((z - 1e3 * socket[2]).abs() < 0.5, "place {}: {z}", k + 1);
+    }
+    assert!(c.errors.mean_mm < 1.3 * LEAST_MM, "{:?}", c.errors);
+}

@@ -26,7 +26,11 @@ const POSES: usize = 1000;
 
 impl LeftOut {
     fn of(model: &Model, rigid: &Rigid) -> Result<Self> {
-        let names = rigid.left_out.iter().map(|t| format!("{} ({}, {})", t.name, t.effect, unit(t).name)).collect();
+        let names = rigid
+            .left_out
+            .iter()
+            .map(|t| format!("{} ({}, {})", t.name, t.effect, unit(&model.robot, t).name))
+            .collect();
         let full = Forward::new(model.clone(), Vec::new())?;
         let bare = Forward::new(Model::nominal(rigid.robot.clone(), rigid.cell.clone()), Vec::new())?;
         let (mut a, mut b) = (full.workspace(), bare.workspace());

@@ -71,7 +71,7 @@ pub fn render(h: &History, file: &ModelFile, made: Made) -> Result<String> {
 #[must_use]
 pub fn what_changed(session: &Comparison) -> String {
     let changed = |c: &Change| {
-        let perhaps = if c.probability < 0.5 { "perhaps " } else { "" };
+        let perhaps = if c.is_likely() { "" } else { "perhaps " };
         let is_wrong = if c.scope == Scope::Reading { " is wrong" } else { "" };
         format!("{perhaps}{}{is_wrong}", c.what)
     };
@@ -84,16 +84,20 @@ pub fn what_changed(session: &Comparison) -> String {
 }
 
 /// A line for each session of which there is more to say than the table does: what changed, and which rows were
-/// rejected.
+/// rejected; at the end, and once, what the calibration left that may look like a change.
 #[must_use]
 pub fn told(h: &History) -> Vec<String> {
     let line = |s: &Comparison| {
         let rejected = rejected_in_words(&s.rejected).map(|r| format!("{r}."));
         let more = !s.changes.is_empty() || !s.anew.is_empty() || s.verdict == "nothing visible";
-        let said: Vec<String> = rejected.into_iter().chain(more.then(|| s.summary.clone())).collect();
+        let doubt = s.doubt.as_deref().unwrap_or_default();
+        let summary = s.summary.strip_suffix(doubt).unwrap_or(&s.summary).trim_end();
+        let said: Vec<String> = rejected.into_iter().chain(more.then(|| summary.to_owned())).collect();
         (!said.is_empty()).then(|| format!("{}: {}", s.recording, said.join(" ")))
     };
-    h.sessions.iter().filter_map(line).collect()
+    let mut doubts: Vec<String> = h.sessions.iter().filter_map(|s| s.doubt.clone()).collect();
+    doubts.dedup();
+    h.sessions.iter().filter_map(line).chain(doubts).collect()
 }
 
 /// A row for each recording: those of the fit first.
@@ -178,7 +182,7 @@ mod tests {
             anew: Vec::new(),
             verdict: "arm changed",
             summary: String::new(),
-            doubted: false,
+            doubt: None,
             changes,
             visible: Vec::new(),
             mean_mm: 0.1,
@@ -192,6 +196,17 @@ mod tests {
         let said = what_changed(&of(vec![sure, touch]));
         assert_eq!(said, "joint 3, perhaps the measurement of line 7 is wrong");
         assert_eq!(what_changed(&of(Vec::new())), "nothing");
+        // what all sessions have in common is said once
+        let doubt = "But the calibration itself left 0.064 mm.";
+        let doubted = |recording: &str| Comparison {
+            recording: recording.into(),
+            summary: format!("Joint 3 changed, 97 % sure. {doubt}"),
+            doubt: Some(doubt.into()),
+            ..of(vec![change("joint 3", Scope::Arm, 0.97)])
+        };
+        let sessions = vec![doubted("a.csv"), doubted("b.csv")];
+        let h = History { learnt: Vec::new(), sessions, days: None, trend: None, due: String::new() };
+        assert_eq!(told(&h), ["a.csv: Joint 3 changed, 97 % sure.", "b.csv: Joint 3 changed, 97 % sure.", doubt]);
     }
 
     #[test]

@@ -143,7 +143,11 @@ fn tidy(arm: &str, each: &[Comparison]) -> String {
         };
         for p in &c.alone {
             let of = |change: &&Change| change.by.iter().any(|b| b.name == p.name);
-            let verdict = if c.changes.iter().any(|change| of(&change)) { "changed" } else { "unchanged" };
+            let verdict = match c.changes.iter().find(of).map(Change::is_likely) {
+                Some(true) => "changed",
+                Some(false) => "perhaps changed",
+                None => "unchanged",
+            };
             let scope = if p.name.starts_with("joint") { "arm" } else { "setup" };
             row(&p.name, p.value, Some(p.sd), [&p.unit, scope, verdict]);
         }

@@ -63,8 +63,8 @@ pub fn hidden_in(model: &Model) -> Vec<(EffectId, Place, Vec<Coefficient>)> {
         let asked = candidates.iter().find(|c| c.terms.iter().any(|t| t.does_as(term)));
         let place = asked.map_or_else(|| Place::of(&term.site), |c| c.site);
         match found.iter_mut().find(|(e, p, _)| (*e, *p) == (effect, place)) {
-            Some((_, _, coefficients)) => coefficients.push(coefficient(term)),
-            None => found.push((effect, place, vec![coefficient(term)])),
+            Some((_, _, coefficients)) => coefficients.push(coefficient(&model.robot, term)),
+            None => found.push((effect, place, vec![coefficient(&model.robot, term)])),
         }
     }
     found

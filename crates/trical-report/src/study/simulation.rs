@@ -89,7 +89,7 @@ pub fn draw_known(known: &Model, nature: &Nature, seed: u64, trial: u64) -> Mode
     for t in &mut model.terms {
         t.value = if !t.basis.is_constant() {
             Uniform::new(low, high).map_or(low, |u| u.sample(rng)).exp()
-        } else if trical_ident::unit(t).name == "mm" {
+        } else if trical_ident::unit(&known.robot, t).name == "mm" {
             normal(rng, nature.length)
         } else {
             normal(rng, nature.angle)

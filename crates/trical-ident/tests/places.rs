@@ -157,7 +157,7 @@ fn a_tool_that_only_raises_all_unknown_places_stays_as_the_cell_file_has_it() {
             let (x, y) = (socket[0] - tool.x, socket[1] - tool.y);
             let elbow =
                 ((x * x + y * y - 0.325 * 0.325 - 0.275 * 0.275) / (2.0 * 0.325 * 0.275)).clamp(-1.0, 1.0).acos();
-            let elbow = if k % 2 == 0 { elbow } else { -elbow };
+            let elbow = if k.is_multiple_of(2) { elbow } else { -elbow };
             let shoulder = y.atan2(x) - (0.275 * elbow.sin()).atan2(0.325 + 0.275 * elbow.cos());
             let q = [shoulder, elbow, 0.32 - socket[2] + 4e-4 * part(k, 0.7321), shoulder + elbow - psi];
             let state = trical_model::State { place: Some(place), ..trical_model::State::at(&q) };

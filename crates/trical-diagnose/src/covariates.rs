@@ -127,7 +127,7 @@ impl<'a> Covariates<'a> {
             order,
             touches,
             masses,
-            spread: spreads.map(|spread| spread > READING_SPREAD * sigma),
+            spread: spreads_beyond(data, sigma),
             nulled: touches && spreads.iter().all(|spread| *spread <= nulled_within),
             lags: lag_follows_motion(data),
             clocks: clocks(data, order),
@@ -291,6 +291,11 @@ fn change_points(data: &Dataset, order: Variable, count: usize) -> Vec<f64> {
             0.5 * (t[i - 1] + t[i])
         })
         .collect()
+}
+
+/// Which readings spread far beyond a noise of `sigma`, m.
+pub(crate) fn spreads_beyond(data: &Dataset, sigma: f64) -> [bool; 3] {
+    std::array::from_fn(|axis| reading_spread(data, axis) > READING_SPREAD * sigma)
 }
 
 /// Standard deviation of the readings of one indicator, m.

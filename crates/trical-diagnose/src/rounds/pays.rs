@@ -215,14 +215,17 @@ impl Rounds {
         if self.curve_share == 1.0 {
             return;
         }
-        let (wide, known, candidates) = (self.fitted.clone(), self.known.clone(), self.candidates.clone());
-        for c in self.candidates.iter_mut().filter(|c| c.is_long_curve()) {
-            c.scales.iter_mut().for_each(|s| *s *= self.curve_share);
+        self.determined = None;
+        let curves: Vec<usize> = self.chosen.iter().copied().filter(|c| self.candidates[*c].is_long_curve()).collect();
+        let (wide, known, before) = (self.fitted.clone(), self.known.clone(), self.members(&curves));
+        for c in &curves {
+            self.candidates[*c].scales.iter_mut().for_each(|s| *s *= self.curve_share);
         }
         let followed = self.refit().is_ok();
         let effective = self.effective_parameters();
         let lean = std::mem::replace(&mut self.fitted, wide);
-        (self.known, self.candidates) = (known, candidates);
+        self.known = known;
+        curves.into_iter().zip(before).for_each(|(c, before)| self.candidates[c] = before);
         if followed {
             self.determined = Some(effective);
             for (t, lean) in self.fitted.model.terms.iter_mut().zip(lean.model.terms) {

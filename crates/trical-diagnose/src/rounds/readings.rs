@@ -7,7 +7,7 @@ use trical_model::{Axis, Term, Variable};
 use super::{Rounds, temper};
 use crate::catalogue::{catalogue, device_orientation};
 use crate::correlated_noise::CorrelatedNoise;
-use crate::covariates::{Covariates, reading_spread};
+use crate::covariates::{Covariates, reading_spread, spreads_beyond};
 use crate::effect_id::Cause;
 use crate::linear::{Design, Fitted};
 use crate::selection::Search;
@@ -18,16 +18,18 @@ impl Rounds {
     /// device is turned, and what is read is no noise. Whether the baseline became another one.
     pub(super) fn ask_readings(&mut self) -> Result<bool> {
         let (sigma, bare) = (self.touch_sigma(), self.bare());
-        let mut recorded = Covariates::new(&bare, &self.all, sigma);
+        let mut spread = spreads_beyond(&self.all, sigma);
         for axis in Axis::ALL {
             let of = Variable::Reading { axis };
             let taken = bare.terms.iter().find(|t| t.basis.of == of && t.effect == Cause::ReadingNoise.name());
             let share = taken.map_or(0.0, |t| -t.value);
-            recorded.spread[axis.index()] &= !may_be_noise(share, reading_spread(&self.all, axis.index()), sigma);
+            spread[axis.index()] &= !may_be_noise(share, reading_spread(&self.all, axis.index()), sigma);
         }
-        if !recorded.spread.iter().zip(self.spread).any(|(now, before)| *now && !before) {
+        if !spread.iter().zip(self.spread).any(|(now, before)| *now && !before) {
             return Ok(false);
         }
+        let mut recorded = Covariates::new(&bare, &self.all, sigma);
+        recorded.spread = spread;
         recorded.nulled = false;
         self.spread = recorded.spread;
         let mut of_sessions = Covariates::of_sessions(&bare, &self.all, sigma);

@@ -1,5 +1,6 @@
 //! Rows that were rejected and are none to reject.
 
+use trical_ident::dataset::Dataset;
 use trical_ident::error::Result;
 
 use super::Rounds;
@@ -15,14 +16,22 @@ impl Rounds {
             return Ok(false);
         }
         let back = |row: usize| explained.contains(&row);
-        for some in [&mut self.all, &mut self.kept] {
+        let with_them = |some: &Dataset| {
+            let mut some = some.clone();
             some.observations.extend(self.gross.observations.iter().filter(|o| back(o.row)));
             some.observations.sort_by_key(|o| o.row);
             some.rejected.retain(|r| !back(r.row));
-        }
-        self.gross.observations.retain(|o| !back(o.row));
+            some
+        };
+        let (all, kept) = (with_them(&self.all), with_them(&self.kept));
+        let before = std::mem::replace(&mut self.kept, kept);
         // what they say counts before it is asked again which rows are outliers
-        self.refit()?;
+        if self.refit().is_err() {
+            self.kept = before;
+            return Ok(false);
+        }
+        self.all = all;
+        self.gross.observations.retain(|o| !back(o.row));
         Ok(true)
     }
 

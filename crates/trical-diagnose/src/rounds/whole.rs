@@ -48,7 +48,6 @@ impl Rounds {
             found: errors(&self.fitted.model)?,
         };
         let some = std::mem::replace(&mut self.kept, kept);
-        self.determined = None;
         let fitted = self.refit();
         if fitted.is_ok() {
             self.refit_shrunk();

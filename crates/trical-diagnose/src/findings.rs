@@ -14,7 +14,9 @@ use crate::linear::RegressionState;
 use crate::locators;
 use crate::probability::Replicated;
 use crate::selection::Search;
-use crate::settings::{CONSIDERABLE_SHARE, MOST_RIVALS, PROBE_BETTER_NATS, REMAINDER_P, RIVAL_NATS, VISIBLE_LAMBDA};
+use crate::settings::{
+    CONSIDERABLE_SHARE, MOST_RIVALS, PROBE_BETTER_NATS, REMAINDER_P, RIVAL_LEFT_SHARE, RIVAL_NATS, VISIBLE_LAMBDA,
+};
 use crate::specification_test::{LackOfFit, SpecificationTest};
 use crate::statistics::{bic_nats, f_test_of_effect};
 
@@ -108,7 +110,10 @@ pub(crate) fn finding(
         if r.evidence < own - RIVAL_NATS || rivals.len() == MOST_RIVALS {
             break;
         }
+        // what says much beside the finding, too, says something else
+        let beside = search.evidence(&with, r.candidate).map_or(0.0, |b| b.evidence);
         if !known
+            && beside < RIVAL_LEFT_SHARE * r.evidence
             && let Some(effect) = c.cause.effect()
             && !rivals.iter().any(|v| v.effect == effect && v.site == c.site)
         {
@@ -338,7 +343,7 @@ mod tests {
 
     use super::*;
     use crate::linear::Design;
-    use crate::test_data::{off as of, with_joint_2};
+    use crate::test_data::{off as of, with_joint_2, with_joints};
 
     fn ripple(joint: usize, cycles: f64) -> Candidate {
         of(EffectId::GearRipple.into(), joint, Shape::Sine { cycles })
@@ -414,6 +419,26 @@ mod tests {
         assert_eq!([f.evidence.holdout_rms_before_mm, f.evidence.forward_rms_after_mm], [0.3, 0.4]);
         assert!(f.rivals.is_empty() && rivals.is_empty() && f.next_measurements.is_none(), "{:?}", f.rivals);
         assert_eq!((f.scope, f.family, f.site), (Scope::Arm, crate::effects::Family::Transmission, Place::Joint(2)));
+    }
+
+    #[test]
+    fn a_rival_says_the_same_and_what_is_wrong_elsewhere_is_none() {
+        let wave = |cycles| Basis::new(Variable::Joint { joint: 2 }, Shape::Sine { cycles });
+        let other = Basis::new(Variable::Joint { joint: 3 }, Shape::Sine { cycles: 14.0 });
+        let (truth, data) = with_joints(&[(2, wave(9.0), 1e-4), (3, other, 1e-4)]);
+        let fitted = identify(&truth.robot, &truth.cell, &data, Choice::from(ParameterSet::Compliance)).unwrap();
+        let alias = of(EffectId::EncoderError.into(), 2, Shape::Sine { cycles: 9.0 });
+        let all = [ripple(2, 9.0), ripple(3, 14.0), alias];
+        let design = Design::new(&fitted.model, &all, &data, &fitted.noise).unwrap();
+        let search = Search::new(&design, &all, 1.0);
+        let start = design.start();
+        let [own, elsewhere] = [0, 1].map(|c| search.evidence(&start, c).unwrap().evidence);
+        assert!(elsewhere > own - RIVAL_NATS, "{own} {elsewhere}");
+        let group = Group { members: vec![0] };
+        let proofs = [Proof { blocks: 0.3, forward: 0.3 }; 2];
+        let (f, _) = finding(EffectId::GearRipple, &search, &start, &group, &[], &fitted.model, proofs);
+        let told: Vec<_> = f.rivals.iter().map(|r| (r.effect, r.site)).collect();
+        assert_eq!(told, [(EffectId::EncoderError, Place::Joint(2))]);
     }
 
     #[test]

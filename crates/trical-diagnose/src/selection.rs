@@ -5,7 +5,7 @@ use crate::candidate::Candidate;
 use crate::effect_id::Cause;
 use crate::linear::{Design, Downdate, Downdated, RegressionState};
 use crate::settings::{
-    EVIDENCE_NATS, IDLE_NATS, LEANER_FOR_NAMELESS, LEANER_TRIED, MERGED_AMONG, MOST_EFFECTS, PAIR_SHORTLIST,
+    EVIDENCE_NATS, IDLE_NATS, LEANER_FOR_CURVES, LEANER_TRIED, MERGED_AMONG, MOST_EFFECTS, PAIR_SHORTLIST,
     SAME_EVIDENCE_NATS,
 };
 use rayon::prelude::*;
@@ -423,8 +423,8 @@ impl<'a> Search<'a> {
         {
             wishes.push((best.evidence - now, *own, vec![best.candidate]));
         }
-        let nameless = self.candidates[*own].cause == Cause::Unexplained;
-        let most = if nameless { LEANER_FOR_NAMELESS } else { 2 };
+        let curve = self.candidates[*own].cause == Cause::Unexplained || self.candidates[*own].is_long_curve();
+        let most = if curve { LEANER_FOR_CURVES } else { 2 };
         // more than two have to be what a name says of the same place
         let here = self.candidates[*own].site;
         let hidden =

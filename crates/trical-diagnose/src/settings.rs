@@ -194,8 +194,8 @@ pub const SAME_EVIDENCE_NATS: f64 = 1e-6;
 /// Leaner candidates that are tried, with another one, in the place of a rich one.
 pub const LEANER_TRIED: usize = 3;
 
-/// So many together may take the place of one without a name: a curve may have covered several effects of its joint, of which no two say as much.
-pub const LEANER_FOR_NAMELESS: usize = 4;
+/// So many together may take the place of a curve, without a name or an encoder's, that covered several effects of its joint: no two may say as much.
+pub const LEANER_FOR_CURVES: usize = 4;
 
 // Rounds
 
@@ -286,6 +286,9 @@ pub const VISIBLE_LAMBDA: f64 = 3.0;
 
 /// Candidates within this many nats of a finding are rivals.
 pub const RIVAL_NATS: f64 = 5.0;
+
+/// Unless this share of what they say is left beside the finding: they say something else then.
+pub const RIVAL_LEFT_SHARE: f64 = 0.5;
 
 /// What probes find at a place where nothing was modelled is told where it is less likely than this to be chance.
 pub const REMAINDER_P: f64 = 1e-5;

@@ -5,7 +5,7 @@ use trical_model::{Place, Robot, Scope};
 use crate::diagnosis::{Finding, RowKind, Unexplained, Verdict, VerdictRow};
 use crate::effect_id::{EffectId, UNEXPLAINED};
 use crate::effects::Family;
-use crate::words::{numbered, percent, period, small, variables};
+use crate::words::{numbered, percents, period, small, variables};
 pub use crate::words::{region, variable};
 pub use trical_ident::compare::capital;
 
@@ -113,22 +113,34 @@ fn at(places: &[Place], claim: &str) -> String {
     if all.is_empty() { String::new() } else { format!(" at {}", all.join(", ")) }
 }
 
-/// The claim without its probability, and what is less sure: "lost motion at joint 3", "perhaps backlash (40 %)".
-fn claim(f: &Finding, places: &[Place], sessions: &[u32]) -> (String, Option<String>) {
+/// The claim without its probability: "lost motion at joint 3".
+fn claim(f: &Finding, places: &[Place], sessions: &[u32]) -> String {
     let title = f.effect.effect().title;
     let comma = if sessions.len() > 1 { "," } else { "" };
     let when = numbered("session", sessions.iter().map(|s| *s as usize).collect());
     let when = when.map_or_else(String::new, |s| format!("{comma} in {s}"));
-    let name = || (f.confidence >= LEAST_TOLD).then(|| format!("perhaps {title} ({})", percent(f.confidence)));
-    match level(f).0 {
-        Level::Effect => (format!("{title}{}{when}", at(places, title)), None),
-        Level::Family => {
-            let family = family(f.family);
-            (format!("{family}{}{when}", at(places, family)), name())
+    let (perhaps, what) = match level(f).0 {
+        Level::Effect => ("", title),
+        Level::Family => ("", family(f.family)),
+        Level::Place => return format!("something{}{when}", at(places, "")),
+        Level::Perhaps => ("perhaps ", title),
+    };
+    format!("{perhaps}{what}{}{when}", at(places, what))
+}
+
+/// What is less sure of findings that are told by their family or their place: "perhaps backlash (40 %)".
+fn less_sure(findings: &[&Finding]) -> Option<String> {
+    let mut names: Vec<(&str, [f64; 2])> = Vec::new();
+    let told = |f: &&&Finding| f.confidence >= LEAST_TOLD && matches!(level(f).0, Level::Family | Level::Place);
+    for f in findings.iter().filter(told) {
+        let (title, p) = (f.effect.effect().title, f.confidence);
+        match names.iter_mut().find(|(name, _)| *name == title) {
+            Some((_, of)) => *of = [of[0].min(p), of[1].max(p)],
+            None => names.push((title, [p, p])),
         }
-        Level::Place => (format!("something{}{when}", at(places, "")), name()),
-        Level::Perhaps => (format!("perhaps {title}{}{when}", at(places, title)), None),
     }
+    let names: Vec<String> = names.into_iter().map(|(name, of)| format!("{name} ({})", percents(of))).collect();
+    (!names.is_empty()).then(|| format!("perhaps {}", names.join(" or ")))
 }
 
 /// An effect at a place in words: "Backlash or friction wind-up at joint 3".
@@ -158,8 +170,8 @@ pub fn heading(f: &Finding) -> String {
 /// A finding in a plain sentence, at the finest level that is more likely right than not.
 #[must_use]
 pub fn summary(f: &Finding) -> String {
-    let (text, perhaps) = claim(f, &[f.site], f.session.as_slice());
-    let perhaps = perhaps.map_or_else(String::new, |p| format!(", {p}"));
+    let text = claim(f, &[f.site], f.session.as_slice());
+    let perhaps = less_sure(&[f]).map_or_else(String::new, |p| format!(", {p}"));
     let [before, after] = [f.evidence.holdout_rms_before_mm, f.evidence.holdout_rms_after_mm];
     let gain = if after > before {
         // what pays is judged by how well each block can be foreseen, the rms by the worst of them
@@ -167,7 +179,11 @@ pub fn summary(f: &Finding) -> String {
     } else {
         "modelled, the error at unseen poses"
     };
-    format!("{} ({}){perhaps}: {gain} goes from {before:.3} to {after:.3} mm rms.", capital(&text), percent(level(f).1))
+    format!(
+        "{} ({}){perhaps}: {gain} goes from {before:.3} to {after:.3} mm rms.",
+        capital(&text),
+        percents([level(f).1; 2])
+    )
 }
 
 /// A family in words.
@@ -242,8 +258,8 @@ fn gain(before: f64, after: f64) -> f64 {
     before * before - after * after
 }
 
-/// Findings that say the same of several joints are one step, or of one place in several sessions, and so are all curves without a name: those that go with what the arm
-/// does, and those that go with time.
+/// Findings that say the same of several joints are one step, or of one place in several sessions, and so are all of which no more is sure than
+/// their place, and all curves without a name: those that go with what the arm does, and those that go with time.
 fn steps(findings: &[Finding], unexplained: &[Unexplained]) -> Vec<Step> {
     let mut steps: Vec<Step> = Vec::new();
     for (k, f) in findings.iter().enumerate() {
@@ -253,9 +269,8 @@ fn steps(findings: &[Finding], unexplained: &[Unexplained]) -> Vec<Step> {
             s.first.is_some_and(|first| {
                 let o = &findings[first];
                 let again = f.session.is_some() && !s.sessions.is_empty() && s.places.iter().all(|p| *p == f.site);
-                matches!(said_at, Level::Effect | Level::Perhaps)
-                    && (o.effect, level(o).0) == (f.effect, said_at)
-                    && (s.sessions == f.session.as_slice() || again)
+                let same = if said_at == Level::Place { o.site == f.site } else { o.effect == f.effect };
+                same && level(o).0 == said_at && (s.sessions == f.session.as_slice() || again)
             })
         };
         if let Some(s) = steps.iter_mut().find(alike) {
@@ -334,9 +349,10 @@ fn curves_row(step: &Step, unexplained: &[Unexplained], given: Given<'_>, errors
     }
 }
 
-fn row_of(f: &Finding, step: &Step, [before_mm, after_mm]: [f64; 2]) -> VerdictRow {
+fn row_of(findings: &[Finding], first: usize, step: &Step, [before_mm, after_mm]: [f64; 2]) -> VerdictRow {
+    let f = &findings[first];
     let said_at = level(f).0;
-    let (text, less_sure) = claim(f, &step.places, &step.sessions);
+    let all: Vec<&Finding> = step.findings.iter().map(|k| &findings[k - 1]).collect();
     let told = if f.confidence < RIVAL_TOLD_BELOW { &f.rivals[..] } else { &[] };
     let elsewhere: Vec<String> = told
         .iter()
@@ -347,8 +363,8 @@ fn row_of(f: &Finding, step: &Step, [before_mm, after_mm]: [f64; 2]) -> VerdictR
     let rival = told.iter().find(|r| r.effect != f.effect && said_at == Level::Effect);
     VerdictRow {
         kind: RowKind::Finding,
-        text: capital(&text),
-        perhaps: less_sure.or_else(instead).or_else(|| rival.map(|r| format!("or {}", r.effect.effect().title))),
+        text: capital(&claim(f, &step.places, &step.sessions)),
+        perhaps: less_sure(&all).or_else(instead).or_else(|| rival.map(|r| format!("or {}", r.effect.effect().title))),
         confidence: step.confidence,
         before_mm,
         after_mm,
@@ -403,8 +419,8 @@ fn rows(
     for step in steps {
         let next = (here * here - part * step.gain).max(0.0).sqrt();
         let guessed = step.confidence.is_some_and(|[_, high]| high < LEAST_TOLD);
-        let row = match step.first.and_then(|k| findings.get(k)) {
-            Some(f) => row_of(f, &step, [here, next]),
+        let row = match step.first {
+            Some(first) => row_of(findings, first, &step, [here, next]),
             None => curves_row(&step, unexplained, given, [here, next]),
         };
         if next > here * (1.0 - LEAST_STEP) || guessed {
@@ -455,8 +471,7 @@ impl VerdictRow {
     /// How probable the row is: "99 %", "75 to 99 %"; `None` where it claims nothing.
     #[must_use]
     pub fn probability(&self) -> Option<String> {
-        let [low, high] = self.confidence?.map(|p| format!("{:.0}", 100.0 * p));
-        Some(if low == high { format!("{high} %") } else { format!("{low} to {high} %") })
+        self.confidence.map(percents)
     }
 }
 

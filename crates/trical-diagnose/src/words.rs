@@ -3,9 +3,10 @@
 use trical_ident::caution::listed;
 use trical_model::{JointKind, Robot};
 
-/// "97 %".
-pub(crate) fn percent(p: f64) -> String {
-    format!("{:.0} %", 100.0 * p)
+/// "97 %", "62 to 97 %".
+pub(crate) fn percents(of: [f64; 2]) -> String {
+    let [low, high] = of.map(|p| format!("{:.0}", 100.0 * p));
+    if low == high { format!("{high} %") } else { format!("{low} to {high} %") }
 }
 
 /// "joint 3", "joints 1 to 4", "joints 1, 3 and 4".

@@ -1,20 +1,23 @@
 //! What pays: curves with many coefficients, which are chosen first and held, and everything that was chosen, at poses that the fit did
 //! not see.
 
+use std::collections::BTreeMap;
+
 use trical_ident::error::Result;
 use trical_ident::folds::{FOLDS, Folds};
 use trical_ident::identify::ErrorSummary;
 use trical_model::Term;
 
 use super::Rounds;
-use crate::candidate::{Candidate, said_by};
+use crate::candidate::{Candidate, cycles_of, said_by};
 use crate::correlated_noise::CorrelatedNoise;
+use crate::effects::ripple;
 use crate::findings::{Group, grouped};
 use crate::linear::Partition;
 use crate::parts::{Parts, what_does_not_pay};
 use crate::periodogram;
 use crate::selection::Search;
-use crate::settings::{CURVE_SHARES, CURVES_ASKED, TRIED_WITH_CURVES};
+use crate::settings::{CURVE_SHARES, CURVES_ASKED, GEAR_CYCLES, PEAKS_PER_JOINT, TRIED_WITH_CURVES};
 
 impl Rounds {
     /// Curves with many coefficients (an encoder's) that the residual asks for beside everything else: they come first, since they are
@@ -149,6 +152,7 @@ impl Rounds {
         if curves.is_empty() {
             return Ok(false);
         }
+        self.add(curves.iter().flat_map(|c| self.strongest_lines(*c)).collect());
         let mut chosen = self.chosen.clone();
         {
             let design = self.design(&self.searched(), &[], self.correlation)?;
@@ -164,6 +168,20 @@ impl Rounds {
         self.chosen = lean;
         self.choose_beside(&left)?;
         Ok(true)
+    }
+
+    /// The strongest waves of a fitted curve that a gear could have, as its ripples: beside the curve the residual does not show them.
+    fn strongest_lines(&self, curve: usize) -> Vec<Candidate> {
+        let (own, dof) = (&self.candidates[curve], self.fitted.model.robot.dof());
+        let Some(joint) = own.site.joint() else { return Vec::new() };
+        let mut powers: BTreeMap<u32, f64> = BTreeMap::new();
+        for m in self.fitted.model.terms.iter().filter(|m| own.terms.iter().any(|t| t.does_as(m))) {
+            let cycles = cycles_of(m).map_or(0, |n| n as u32);
+            *powers.entry(cycles).or_default() += m.value.powi(2);
+        }
+        let mut lines: Vec<(u32, f64)> = powers.into_iter().filter(|(cycles, _)| *cycles >= GEAR_CYCLES.0).collect();
+        lines.sort_by(|a, b| b.1.total_cmp(&a.1));
+        lines.into_iter().take(PEAKS_PER_JOINT).map(|(cycles, _)| ripple(joint, f64::from(cycles), dof)).collect()
     }
 
     /// Fits once more with waves of long curves as much smaller, before anything is known of them, as foretells the errors at angles that a fit did
@@ -316,6 +334,8 @@ mod tests {
     #[test]
     fn a_held_curve_goes_where_something_leaner_says_as_much() {
         assert_eq!(released(&[(Shape::Linear, 1e-3)]), [Cause::Effect(EffectId::GearRatio)]);
+        let gear = [12.0, 13.0, 14.0].map(|cycles| (Shape::Sine { cycles }, 3e-4));
+        assert_eq!(released(&gear), [Cause::Effect(EffectId::GearRipple); 3]);
         let curve = [3.0, 7.0, 11.0, 13.0].map(|cycles| (Shape::Sine { cycles }, 2e-4));
         assert_eq!(released(&curve), [Cause::Effect(EffectId::EncoderError)]);
     }

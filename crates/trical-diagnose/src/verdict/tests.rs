@@ -117,6 +117,34 @@ fn what_happens_at_one_place_in_several_sessions_is_one_row() {
 }
 
 #[test]
+fn what_is_told_by_its_family_or_its_place_is_one_row_with_all_that_it_may_be() {
+    let of = |effect, joint, confidences| finding(effect, joint, confidences, [0.5, 0.4]);
+    let findings = [
+        of(EffectId::JointHarmonic, 4, [0.9, 0.9, 0.3]),
+        of(EffectId::AxisWobble, 2, [0.9, 0.4, 0.4]),
+        of(EffectId::JointHarmonic, 2, [0.9, 0.8, 0.2]),
+        of(EffectId::CrossAxisCompliance, 2, [0.8, 0.2, 0.2]),
+        of(EffectId::AxisWobble, 3, [0.9, 0.4, 0.05]),
+    ];
+    let rows = told(&findings, &[], [(31, 0.5), (60, 0.1)]).rows;
+    let said: Vec<_> = rows[1..4].iter().map(|r| (r.text.as_str(), r.perhaps.as_deref(), r.confidence)).collect();
+    let [bearing, link] = [EffectId::AxisWobble, EffectId::CrossAxisCompliance].map(|e| e.effect().title);
+    let at_2 = format!("perhaps {bearing} (40 %) or {link} (20 %)");
+    assert_eq!(
+        said,
+        [
+            (
+                "Gear or encoder error at joints 2 and 4",
+                Some("perhaps eccentric gear or encoder (20 to 30 %)"),
+                Some([0.8, 0.9])
+            ),
+            ("Something at joint 2", Some(&at_2[..]), Some([0.8, 0.9])),
+            ("Something at joint 3", None, Some([0.9, 0.9])),
+        ]
+    );
+}
+
+#[test]
 fn what_is_less_than_half_sure_is_not_said_as_a_fact() {
     let said = |confidences| {
         let verdict =

@@ -100,13 +100,11 @@ impl Candidate {
         }
     }
 
-    /// The same with its step elsewhere.
+    /// The same of another shape.
     #[must_use]
-    pub fn with_step(&self, at: f64) -> Self {
+    pub fn with_shape(&self, shape: Shape) -> Self {
         let mut other = self.clone();
-        for t in &mut other.terms {
-            t.basis.shape = Shape::Step { at };
-        }
+        other.terms.iter_mut().for_each(|t| t.basis.shape = shape);
         other
     }
 
@@ -270,10 +268,10 @@ mod tests {
         let step = of(&[Basis::new(Variable::Time, Shape::Step { at: 90.0 })]);
         assert_eq!(step.step(), Some((Variable::Time, 90.0)));
         assert_eq!(
-            (step.with_step(40.0).step(), step.is_course(), step.scanned()),
+            (step.with_shape(Shape::Step { at: 40.0 }).step(), step.is_course(), step.scanned()),
             (Some((Variable::Time, 40.0)), true, true)
         );
-        assert_eq!(step.with_step(40.0).located(), "joint 2 is off at 40 s");
+        assert_eq!(step.with_shape(Shape::Step { at: 40.0 }).located(), "joint 2 is off at 40 s");
         // a step in the course of time says when, one over an angle does not
         assert_eq!(of(&[Basis::new(Q2, Shape::Step { at: 0.4 })]).located(), "joint 2 is off");
         let soft = of(&[Basis::new(Q2, Shape::SoftSign { scale: 0.1 }), Basis::new(Q2, Shape::Clip { at: 0.1 })]);

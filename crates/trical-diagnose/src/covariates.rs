@@ -140,6 +140,12 @@ impl<'a> Covariates<'a> {
         }
     }
 
+    /// The same; if it is known that touches were `deflected`, on every indicator.
+    #[must_use]
+    pub fn deflected(self, deflected: bool) -> Self {
+        if deflected { Self { spread: [true; 3], nulled: false, ..self } } else { self }
+    }
+
     /// The same of each session alone, with its number: what happens in the course of one is asked there.
     #[must_use]
     pub fn of_sessions(model: &'a Model, data: &Dataset, sigma: f64) -> Vec<(u32, Self)> {

@@ -44,6 +44,7 @@ pub mod locators;
 pub mod options;
 mod parts;
 pub mod periodogram;
+mod phases;
 pub mod probability;
 pub mod procedure;
 mod refine;

@@ -13,7 +13,8 @@ use crate::settings::{
     UNNAMED_PRICE_NATS, UNNAMED_REST, UNNAMED_SIZE_RAD, VALUES_PER_KNOT,
 };
 
-fn sorted(values: &[f64]) -> Vec<f64> {
+/// Different values in their order.
+pub(crate) fn sorted(values: &[f64]) -> Vec<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     sorted.dedup();

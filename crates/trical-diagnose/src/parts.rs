@@ -113,8 +113,13 @@ pub(crate) fn what_does_not_pay(
 /// A gain in log scores, none where the errors themselves do not fall: a density that is wide where it is wrong loses little. They fall if
 /// their mean falls by a larger factor than their root mean square rises.
 fn unless_errors_rise(gain: f64, without: Option<ErrorSummary>, with: Option<ErrorSummary>) -> f64 {
-    let size = |e: Option<ErrorSummary>| e.map_or(0.0, |e| e.mean_mm * e.rms_mm);
+    let size = |e: Option<ErrorSummary>| e.map_or(0.0, error_size);
     if size(with) < size(without) { gain } else { gain.min(0.0) }
+}
+
+/// How large errors are, by their mean and by their root mean square, mm^2.
+pub(crate) fn error_size(e: ErrorSummary) -> f64 {
+    e.mean_mm * e.rms_mm
 }
 
 /// By how much the log scores of the blocks of all proofs are better than others, less what may be chance; negative where one of the proofs

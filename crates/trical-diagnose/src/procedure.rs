@@ -9,7 +9,7 @@ use trical_ident::folds::Folds;
 use trical_ident::identifiability::Choice;
 use trical_ident::identify::ErrorSummary;
 use trical_ident::model_file::Uncertainty;
-use trical_model::{Cell, Forward, Model, Place, Robot, Task};
+use trical_model::{Cell, Forward, Model, Place, Robot, Task, Term};
 
 use crate::candidate::Candidate;
 use crate::catalogue::Untestable;
@@ -21,13 +21,16 @@ use crate::findings::{
 };
 use crate::halves::Halves;
 use crate::linear::{Design, Downdate, RegressionState};
+use crate::locators::sorted;
 use crate::options::Options;
 use crate::parts::Parts;
+use crate::phases;
 use crate::probability::{Alternative, Says, Shares, probabilities, shares};
 use crate::rounds::{BASELINE, Rounds, is_parameter_of_arm};
 use crate::selection::Search;
 use crate::settings::{ALTERNATIVES, DOUBTED_BELOW, UNNAMED_PRICE_NATS};
-use crate::specification_test::{Probes, SpecificationTest};
+use crate::specification_test::{Probes, SpecificationTest, doubt_by_rest};
+use crate::statistics::odds_outside_catalogue;
 use crate::verdict;
 
 /// Diagnoses recordings of one arm, one session each.
@@ -111,6 +114,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
             } else {
                 Some(EVEN_MASSES.into())
             })
+            .chain(rounds.read_otherwise.clone())
             .chain(unsearched.as_ref().map(ToString::to_string))
             .chain(too_many(effective, arm_parameters(&fitted.model), folds))
             .chain(rounds.correlation.caution())
@@ -182,9 +186,7 @@ fn select(rounds: &mut Rounds, names_only: bool, task: &Task<'_>) -> Result<()> 
     task.step(0.7, "what pays at unseen poses")?;
     rounds.release_curves()?;
     rounds.keep_what_pays()?;
-    if rounds.trade_curves()? {
-        rounds.keep_what_pays()?;
-    }
+    rounds.trade_curves()?;
     rounds.shrink_curves()?;
     rounds.name_waves();
     Ok(())
@@ -344,10 +346,26 @@ impl<'a> Proving<'a> {
                 .map(|own| self.search.without(&self.downdate, self.start, &[own, &nameless].concat()).state)
         });
         let [full, without] = unnamed.as_ref().map_or([self.downdate.full(), state], |[full, without]| [full, without]);
-        let doubt = self.test.doubt(full, without, own, &is_here);
-        shares.effect *= 1.0 - doubt;
+        // such a curve that would do much of what the name does doubts it as well
+        let [left, alone] = [full.ss - self.downdate.full().ss, without.ss - state.ss];
+        let doubt = self.test.doubt(full, without, own, &is_here).max(doubt_by_rest(left, alone, own));
+        shares.effect *= (1.0 - doubt) * (1.0 - self.doubt_of_phases(group));
         shares.family *= 1.0 - doubt;
         shares
+    }
+
+    /// Probability that what is told as a curve of a joint's own angle is no encoder's, by the phases of its waves: that it is in the gear or the
+    /// encoder stays as sure as it is.
+    fn doubt_of_phases(&self, group: &Group) -> f64 {
+        let Rounds { candidates, kept, fitted, .. } = self.rounds;
+        let first = &candidates[group.members[0]];
+        let Some(joint) = first.site.joint().filter(|_| first.is_long_curve()) else { return 0.0 };
+        let own = || group.members.iter().flat_map(|m| &candidates[*m].terms);
+        let waves: Vec<&Term> = fitted.model.terms.iter().filter(|m| own().any(|t| t.does_as(m))).collect();
+        let angles: Vec<f64> = kept.observations.iter().map(|o| o.state.q[joint - 1]).collect();
+        let p = phases::p_value(&waves, &sorted(&angles));
+        let odds = odds_outside_catalogue(p) - odds_outside_catalogue(1.0);
+        odds / (1.0 + odds)
     }
 
     /// What was chosen at a place, and `goes`.

@@ -3,11 +3,16 @@
 use std::mem::discriminant;
 
 use trical_ident::dataset::Dataset;
-use trical_model::Term;
+use trical_model::{Model, Shape, Term, Variable};
 
 use crate::candidate::Candidate;
 use crate::covariates::value;
-use crate::settings::{CURVE_KNOTS, SAME_POINT_SHARE, SAME_SCALE_RATIO, STEPS_ALONG_CURVE, STEPS_BETWEEN_NEIGHBOURS};
+use crate::effect_id::Cause;
+use crate::locators::sorted;
+use crate::settings::{
+    CURVE_KNOTS, LOCAL_CENTRES, LOCAL_CENTRES_BETWEEN, LOCAL_REACHES, SAME_POINT_SHARE, SAME_SCALE_RATIO,
+    STEPS_ALONG_CURVE, STEPS_BETWEEN_NEIGHBOURS,
+};
 
 /// Finer candidates around those that were `chosen` of `all`.
 pub(crate) fn finer(chosen: &[&Candidate], all: &[Candidate], data: &Dataset) -> Vec<Candidate> {
@@ -27,13 +32,47 @@ fn finer_steps(c: &Candidate, all: &[Candidate], data: &Dataset) -> Vec<Candidat
     let scan: Vec<f64> = all.iter().filter(is_step).filter_map(|o| Some(o.step()?.1)).collect();
     let [below, above] = at.map_or([f64::NEG_INFINITY, f64::INFINITY], |at| neighbours(at, &scan));
     let here = data.observations.iter().filter(|o| c.session().is_none() || o.state.session == c.session());
-    let mut values: Vec<f64> = here.map(|o| value(variable, &o.state)).collect();
-    values.sort_by(f64::total_cmp);
-    values.dedup();
+    let values = sorted(&here.map(|o| value(variable, &o.state)).collect::<Vec<f64>>());
     let between: Vec<f64> =
         values.windows(2).map(|w| 0.5 * (w[0] + w[1])).filter(|v| *v > below && *v < above).collect();
     let every = between.len().div_ceil(if at.is_some() { STEPS_BETWEEN_NEIGHBOURS } else { STEPS_ALONG_CURVE }).max(1);
-    between.iter().step_by(every).map(|at| step.with_step(*at)).collect()
+    between.iter().step_by(every).map(|at| step.with_shape(Shape::Step { at: *at })).collect()
+}
+
+/// What a curve with many waves of a joint's own angle may stand for, finer than the scan has it: something near the angle at which the fitted
+/// curve is farthest off, and a step where it is steepest.
+pub(crate) fn parts_of_curve(curve: &Candidate, model: &Model, all: &[Candidate], data: &Dataset) -> Vec<Candidate> {
+    let Some(variable) = curve.site.joint().map(|joint| Variable::Joint { joint }) else { return Vec::new() };
+    let angles: Vec<f64> = data.observations.iter().map(|o| value(variable, &o.state)).collect();
+    let values = sorted(&angles);
+    let (Some(low), Some(high)) = (values.first(), values.last()) else { return Vec::new() };
+    let waves: Vec<&Term> = model.terms.iter().filter(|m| curve.terms.iter().any(|t| t.does_as(m))).collect();
+    let off: Vec<f64> =
+        values.iter().map(|q| waves.iter().map(|t| t.value * t.basis.shape.at(*q).0).sum::<f64>()).collect();
+    let levels = sorted(&off);
+    let usual = levels[levels.len() / 2];
+    let largest = |sizes: &mut dyn Iterator<Item = f64>| sizes.enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
+    let farthest = largest(&mut off.iter().map(|v| (v - usual).abs())).map_or(*low, |(k, _)| values[k]);
+    let steepest = largest(&mut off.windows(2).map(|w| (w[1] - w[0]).abs())).map_or(0, |(k, _)| k);
+    let half = STEPS_BETWEEN_NEIGHBOURS / 2;
+    let between = values.windows(2).skip(steepest.saturating_sub(half)).take(2 * half);
+    let steps = between.map(|w| Shape::Step { at: 0.5 * (w[0] + w[1]) });
+    let spacing = (high - low) / (LOCAL_CENTRES * LOCAL_CENTRES_BETWEEN) as f64;
+    let local = |k: i32, reach: f64| {
+        let centre = farthest + f64::from(k) * spacing;
+        Shape::Tent { left: centre - reach, centre, right: centre + reach }
+    };
+    let around = LOCAL_CENTRES_BETWEEN as i32;
+    let reaches = LOCAL_REACHES.map(|part| part * (high - low));
+    let reaches = reaches.into_iter().flat_map(|reach| [reach, reach / std::f64::consts::SQRT_2]);
+    let locals = reaches.flat_map(|reach| (-around..=around).map(move |k| local(k, reach)));
+    let scanned = |shape: &Shape| {
+        let is_like = |t: &Term| t.basis.of == variable && discriminant(&t.basis.shape) == discriminant(shape);
+        all.iter().find(|o| {
+            o.cause == Cause::Unexplained && o.site == curve.site && matches!(&o.terms[..], [t] if is_like(t))
+        })
+    };
+    steps.chain(locals).filter_map(|shape| Some(scanned(&shape)?.with_shape(shape))).collect()
 }
 
 /// A softness, a kink or a time constant, or a point of an axis, halfway to its neighbours on either side, unless they are near.

@@ -18,6 +18,7 @@ use trical_ident::gross::reject_gross_errors_beyond;
 use trical_ident::identifiability::{Choice, ParameterSet};
 use trical_ident::identify::{Identified, fit_some, identify, manner};
 use trical_ident::known::Known;
+use trical_ident::read_otherwise::read_otherwise;
 use trical_ident::sample::sample_poses;
 use trical_ident::solver::LmParams;
 use trical_model::interrupt::checkpoint;
@@ -82,6 +83,8 @@ pub(crate) struct Rounds {
     /// How the noise is correlated, beside what was chosen.
     pub(crate) correlation: CorrelatedNoise,
     pub(crate) untestable: Vec<Untestable>,
+    /// What to look at where readings are not what their columns say.
+    pub(crate) read_otherwise: Option<String>,
     /// Whether each reading spreads beyond the noise, so far as the fit tells.
     spread: [bool; 3],
     /// Terms about the readings' own noise, and which of them are in the baseline.
@@ -139,7 +142,10 @@ impl Rounds {
         let known = fitted.known.clone();
         let params = LmParams { huber: manner(&fitted.model, &all).1.huber, ..LmParams::WITHIN_NOISE };
         let sigma = touch_sigma(&fitted);
-        let recorded = Covariates::new(&fitted.model, &all, sigma);
+        let read_otherwise = read_otherwise(&fitted);
+        // readings that are not what their columns say leave so much that they look nulled beside it
+        let deflected = read_otherwise.is_some();
+        let recorded = Covariates::new(&fitted.model, &all, sigma).deflected(deflected);
         let (spread, nuisances) = (recorded.spread, reading_noise(&recorded));
         let mut rounds = Self {
             kept: all.clone(),
@@ -160,18 +166,22 @@ impl Rounds {
             determined: None,
             correlation: CorrelatedNoise::WHITE,
             untestable: Vec::new(),
+            read_otherwise: None,
             spread,
             fitted_nuisances: vec![false; nuisances.len()],
             nuisances,
             fitted,
         };
-        if let Some(term) = device_orientation(&Covariates::new(&rounds.fitted.model, &rounds.all, sigma)) {
+        if let Some(term) =
+            device_orientation(&Covariates::new(&rounds.fitted.model, &rounds.all, sigma).deflected(deflected))
+        {
             rounds.add_to_baseline(vec![term])?;
         }
         rounds.fit_reading_noise()?;
         let of_sessions = Covariates::of_sessions(&rounds.fitted.model, &rounds.all, sigma);
         (rounds.candidates, rounds.untestable) =
-            catalogue(&Covariates::new(&rounds.fitted.model, &rounds.all, sigma), &of_sessions);
+            catalogue(&Covariates::new(&rounds.fitted.model, &rounds.all, sigma).deflected(deflected), &of_sessions);
+        rounds.read_otherwise = read_otherwise;
         (rounds.curves, rounds.candidates) = rounds.candidates.into_iter().partition(Candidate::is_long_curve);
         if !options.names_only {
             rounds.candidates.extend(locators(&rounds.fitted.model, &rounds.all));

@@ -427,8 +427,11 @@ impl<'a> Search<'a> {
         let most = if curve { LEANER_FOR_CURVES } else { 2 };
         // more than two have to be what a name says of the same place
         let here = self.candidates[*own].site;
-        let hidden =
-            |c: usize| self.candidates[c].cause != Cause::Unexplained && self.candidates[c].site.is_same_part(here);
+        let is_long = self.candidates[*own].is_long_curve();
+        let hidden = |c: usize| {
+            let new = &self.candidates[c];
+            (new.cause != Cause::Unexplained || is_long && new.terms.len() == 1) && new.site.is_same_part(here)
+        };
         for first in lean {
             let mut state = downdate.with(without, first.candidate);
             let (mut new, mut evidence) = (vec![first.candidate], first.evidence);

@@ -172,6 +172,9 @@ pub const SAME_POINT_SHARE: f64 = 0.05;
 /// A step is refined at so many places between its neighbours in the scan.
 pub const STEPS_BETWEEN_NEIGHBOURS: usize = 20;
 
+/// Something local is refined at so many places between its neighbours in the scan.
+pub const LOCAL_CENTRES_BETWEEN: usize = 4;
+
 // Selection
 
 /// A candidate must better the criterion by this many nats. With the prior spread over all candidates, of 300 effect-free data sets of the
@@ -223,6 +226,12 @@ pub const ROWS_ALIKE: usize = 3;
 pub const GROSS_ERROR_SIGMAS: f64 = 30.0;
 
 // Specification test
+
+/// Curves with phases drawn by chance beside which an encoder's is seen, ...
+pub const PHASE_DRAWS: usize = 4999;
+
+/// ... at so many of the angles that were visited, at most.
+pub const PHASE_ANGLES: usize = 250;
 
 /// Prior odds that what happens at a place is not in the catalogue.
 pub const OUTSIDE: f64 = 0.03;

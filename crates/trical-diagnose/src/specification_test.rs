@@ -154,12 +154,18 @@ impl SpecificationTest<'_> {
             let left = self.gain(state, k);
             let odds = odds_outside_catalogue((self.p_value(state, k, left) * asked).min(1.0));
             let alone = self.gain(without, k).0;
-            let share = left.0 / own.max(1e-300);
-            let same = ((alone - left.0) / own.max(1e-300)).clamp(0.0, 1.0);
-            most = most.max(odds / (1.0 + odds) * share / (share + CONSIDERABLE_SHARE) * same);
+            most = most.max(odds / (1.0 + odds) * doubt_by_rest(left.0, alone, own));
         }
         most
     }
+}
+
+/// How much a rest doubts a name that explains `own`: it is considerable beside that (`left`), and without the name the same thing would
+/// explain much of what the name does (`alone`).
+pub fn doubt_by_rest(left: f64, alone: f64, own: f64) -> f64 {
+    let share = left / own.max(1e-300);
+    let same = ((alone - left) / own.max(1e-300)).clamp(0.0, 1.0);
+    share / (share + CONSIDERABLE_SHARE) * same
 }
 
 /// A joint's moves up to an observation, rad.

@@ -19,6 +19,7 @@ use crate::identifiability::{Choice, Elasticity, Observability, OwnSetup, Parame
 pub use crate::identify::Fit;
 use crate::identify::{ErrorSummary, Identified, identify};
 use crate::joint_choice::clean;
+use crate::read_otherwise::read_otherwise;
 use crate::rigid::moved;
 use crate::solver::LmReport;
 use crate::stream::identify_stream;
@@ -221,6 +222,7 @@ impl Calibration {
         let f = &self.fitted;
         let mut out = no_arm(self.errors.mean_mm, self.orientation.as_ref().map(|[_, after]| after.mean_deg));
         out.extend(cautions(&f.model, f.observability.rows, f.free.len()));
+        out.extend(read_otherwise(f));
         out.extend(beyond_limits(&f.model.robot, &f.data));
         if self.tried.iter().any(|t| t.kept && t.added.contains("sag")) {
             out.push(EVEN_MASSES.into());

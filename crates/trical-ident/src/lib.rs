@@ -46,6 +46,7 @@ pub mod noise;
 mod normal;
 mod optional;
 pub mod predicted;
+pub mod read_otherwise;
 pub mod repeatability;
 pub mod repeated;
 pub mod rigid;

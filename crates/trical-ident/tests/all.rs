@@ -16,6 +16,7 @@ mod identification;
 mod known;
 mod mutations;
 mod places;
+mod read_otherwise;
 mod sessions;
 mod simulate;
 mod stream;

@@ -14,8 +14,9 @@ use crate::correlated_noise::CorrelatedNoise;
 use crate::effects::ripple;
 use crate::findings::{Group, grouped};
 use crate::linear::Partition;
-use crate::parts::{Parts, what_does_not_pay};
+use crate::parts::{Parts, error_size, what_does_not_pay};
 use crate::periodogram;
+use crate::refine::parts_of_curve;
 use crate::selection::Search;
 use crate::settings::{CURVE_SHARES, CURVES_ASKED, GEAR_CYCLES, PEAKS_PER_JOINT, TRIED_WITH_CURVES};
 
@@ -145,29 +146,46 @@ impl Rounds {
         Ok(())
     }
 
-    /// Takes something leaner that has a name in the place of a long curve, if it says more. Whether it did.
-    pub(crate) fn trade_curves(&mut self) -> Result<bool> {
+    /// Takes something leaner in the place of a long curve, if it says more and foretells unseen blocks as well: effects with a name, or what
+    /// happens near one angle.
+    pub(crate) fn trade_curves(&mut self) -> Result<()> {
         let is_long = |c: &usize| self.candidates[*c].is_long_curve();
         let curves: Vec<usize> = self.chosen.iter().copied().filter(is_long).collect();
         if curves.is_empty() {
-            return Ok(false);
+            return Ok(());
         }
-        self.add(curves.iter().flat_map(|c| self.strongest_lines(*c)).collect());
+        let parts = |c: &usize| parts_of_curve(&self.candidates[*c], &self.fitted.model, &self.candidates, &self.kept);
+        self.add(curves.iter().flat_map(|c| [self.strongest_lines(*c), parts(c)].concat()).collect());
         let mut chosen = self.chosen.clone();
         {
             let design = self.design(&self.searched(), &[], self.correlation)?;
-            let unnamed = |c: &usize| self.candidates[*c].cause.effect().is_none();
-            let unnamed: Vec<usize> = (0..self.candidates.len()).filter(unnamed).collect();
-            let search = Search::new(&design, &self.candidates, self.temper()).without_candidates(&unnamed);
+            let is_rich =
+                |c: &usize| self.candidates[*c].cause.effect().is_none() && self.candidates[*c].terms.len() > 1;
+            let rich: Vec<usize> = (0..self.candidates.len()).filter(is_rich).collect();
+            let search = Search::new(&design, &self.candidates, self.temper()).without_candidates(&rich);
             search.swap(&design.start(), &mut chosen, &|c| curves.contains(&c));
         }
         if chosen == self.chosen {
-            return Ok(false);
+            return Ok(());
         }
+        let (before, unseen) = (self.round(), self.unseen()?);
         let (left, lean): (Vec<usize>, Vec<usize>) = chosen.into_iter().partition(|c| curves.contains(c));
         self.chosen = lean;
         self.choose_beside(&left)?;
-        Ok(true)
+        self.keep_what_pays()?;
+        if self.unseen()? > unseen {
+            self.go_back(before);
+        }
+        Ok(())
+    }
+
+    /// How large the errors at unseen blocks are: their mean times their root mean square.
+    fn unseen(&self) -> Result<f64> {
+        let members = self.members(&self.chosen);
+        let design = self.design_at(&self.fitted.model, &members, &[], CorrelatedNoise::WHITE)?;
+        let all: Vec<usize> = (0..members.len()).collect();
+        let parts = Parts::by_block(&design, &all, &Folds::of(&self.kept), self.temper());
+        Ok(parts.map_or(f64::INFINITY, |parts| error_size(parts.errors(&[], None))))
     }
 
     /// The strongest waves of a fitted curve that a gear could have, as its ripples: beside the curve the residual does not show them.

@@ -80,8 +80,20 @@ impl Rounds {
 
 /// Whether a reading that spreads by `spread` (m), of which the fit took `share` for noise, may be noise beside what is left, `sigma`. The share of a
 /// reading's variance that is noise is the best one to take, and leaves the rest of that noise in the residual: a gauge that reads too much has the
-/// share without the rest.
+/// share without the rest. And noise is no more than all of a reading: one that is read with the other sign has twice that.
 fn may_be_noise(share: f64, spread: f64, sigma: f64) -> bool {
     let left = (share * (1.0 - share)).max(0.0).sqrt() * spread;
-    share > READING_SPREAD.powi(-2) && left < 2.0 * sigma
+    (READING_SPREAD.powi(-2)..1.5).contains(&share) && left < 2.0 * sigma
+}
+
+#[cfg(test)]
+mod tests {
+    use super::may_be_noise;
+
+    #[test]
+    fn nearly_all_of_a_reading_may_be_noise_a_twentieth_of_a_large_one_or_twice_of_one_is_none() {
+        assert!(may_be_noise(0.95, 2e-5, 1e-5));
+        assert!(!may_be_noise(0.05, 1e-3, 1e-5), "a gain leaves nothing of it in the residual");
+        assert!(!may_be_noise(2.0, 2e-5, 1e-5), "read with the other sign");
+    }
 }

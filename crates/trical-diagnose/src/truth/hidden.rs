@@ -1,7 +1,7 @@
 //! Effects of the catalogue, hidden in a virtual arm.
 
 use trical_ident::dataset::{Dataset, JointSource};
-use trical_model::{Joints, MAX_JOINTS, Measured, Model, Place, Recording, Row, State, Term};
+use trical_model::{Joints, MAX_JOINTS, Measured, Model, Place, Recording, Row, Shape, State, Term};
 
 use super::error::{Result, TruthError};
 use crate::candidate::Candidate;
@@ -44,7 +44,7 @@ pub fn hide(model: &mut Model, wishes: &[String]) -> Result<()> {
             let found = candidates.iter().find(|c| Some(c.cause) == id && site.is_none_or(|s| c.site.is_called(s)));
             let found = found.ok_or_else(|| wrong(wish, "EFFECT@SITE", &candidates))?;
             match (found.step(), detail) {
-                (Some(_), Some(at)) => found.with_step(at),
+                (Some(_), Some(at)) => found.with_shape(Shape::Step { at }),
                 _ => found.clone(),
             }
         };

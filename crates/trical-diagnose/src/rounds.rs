@@ -11,6 +11,7 @@ use std::collections::BTreeSet;
 
 use trical_ident::by_place::choose;
 use trical_ident::calibration::own_setup;
+use trical_ident::caution::SOFTEST;
 use trical_ident::dataset::{Dataset, Observation};
 use trical_ident::error::Result;
 use trical_ident::follow::refuse_stuck_stems;
@@ -139,7 +140,15 @@ impl Rounds {
         let choice = choice.with_own(own);
         let (robot, choice, _) = choose(robot, cell, &all, &choice)?;
         let fitted = identify(&robot, cell, &all, choice)?;
-        let known = fitted.known.clone();
+        let mut known = fitted.known.clone();
+        known.resize(fitted.model.terms.len(), Known::NOTHING);
+        // an effect of the load times a compliance could be anything, were the compliance so
+        let is_lax = |k: &Known| k.prior.is_none_or(|p| p.value == 0.0 && p.sd > SOFTEST);
+        for (t, k) in fitted.model.terms.iter().zip(&mut known) {
+            if gives_way(t).is_some() && is_lax(k) {
+                k.prior = Known::about_zero(SOFTEST).prior;
+            }
+        }
         let params = LmParams { huber: manner(&fitted.model, &all).1.huber, ..LmParams::WITHIN_NOISE };
         let sigma = touch_sigma(&fitted);
         let read_otherwise = read_otherwise(&fitted);

@@ -1,6 +1,6 @@
 //! What about a fit should make its owner look twice, though nothing is wrong with the arithmetic.
 
-use trical_model::{Axis, Basis, JointKind, Measured, Model, Motion, Parameter, Robot, Site, Term, Variable};
+use trical_model::{Axis, Basis, JointKind, Measured, Model, Motion, Parameter, Robot, Shape, Site, Term, Variable};
 
 use crate::dataset::Dataset;
 use crate::degenerate::hardly_moving;
@@ -16,6 +16,9 @@ const ANOTHER_ARM: f64 = 0.02;
 /// No identified arm is off by so much on average, mm and deg.
 const NO_ARM_MM: f64 = 5.0;
 const NO_ARM_DEG: f64 = 2.0;
+
+/// No joint of an arm gives way more than this, rad/Nm (0.1 deg/Nm).
+pub const SOFTEST: f64 = 2e-3;
 
 /// More than this is left of few arms, mm.
 const MUCH_MM: f64 = 1.0;
@@ -121,6 +124,7 @@ pub fn cautions(model: &Model, rows: usize, parameters: usize) -> Vec<String> {
             t.value.abs() * 1e3
         ));
     }
+    out.extend(too_soft(model));
     out.extend(leaning(model));
     if (rows as f64) < FEW * parameters as f64 {
         out.push(format!(
@@ -129,6 +133,20 @@ pub fn cautions(model: &Model, rows: usize, parameters: usize) -> Vec<String> {
         ));
     }
     out
+}
+
+/// What to say of a joint that gives way as none does: its compliance has taken up something else.
+fn too_soft(model: &Model) -> Option<String> {
+    let is_compliance =
+        |t: &&Term| matches!(t.site, Site::Joint { joint } if t.basis == Basis::torque(joint, Shape::Linear));
+    let is_sure = |t: &&Term| t.value.abs() > SOFTEST && t.sd.is_some_and(|sd| t.value.abs() > 3.0 * sd);
+    let t = model.terms.iter().filter(is_compliance).find(is_sure)?;
+    Some(format!(
+        "{} comes out at {:.2} deg/Nm, and no joint gives way like that: something at the tool that changes with how it leans (a loose \
+         flange or device) looks like it",
+        t.name,
+        t.value.to_degrees()
+    ))
 }
 
 /// What to say of a session whose balls lean against those of the first. These have the world frame, along whose z gravity acts in every session:
@@ -343,6 +361,18 @@ mod tests {
         model.terms[0] = Term { value: -0.259, ..Term::new("a_2", "geometry", length, Basis::CONSTANT) };
         assert!(cautions(&model, 135, 31)[0].starts_with("a_2 comes out 259 mm from what the robot file has"));
         model.terms[0].value = 0.015;
+        assert!(cautions(&model, 135, 31).is_empty());
+        // a joint that gives way as none does, if that is sure
+        let soft = |sd| {
+            let basis = Basis::torque(6, Shape::Linear);
+            let term = Term::new("c_6", "compliance", Site::Joint { joint: 6 }, basis);
+            Term { value: -0.01, sd: Some(sd), ..term }
+        };
+        model.terms[0] = soft(1e-3);
+        assert!(
+            cautions(&model, 135, 31)[0].starts_with("c_6 comes out at -0.57 deg/Nm, and no joint gives way like that")
+        );
+        model.terms[0] = soft(1e-2);
         assert!(cautions(&model, 135, 31).is_empty());
         // a plate that leans, in the second session
         let about_x = Site::Fixture(Motion::About(Axis::X));

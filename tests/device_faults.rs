@@ -177,7 +177,7 @@ impl Bench {
         let (mut gauge, mut controller) = (gauge.map_err(|e| e.to_string())?, controller.map_err(|e| e.to_string())?);
         let never = AtomicBool::new(false);
         let start = cell.state().q;
-        let result = run(&self.plan, gauge.as_mut(), controller.as_mut(), &mut log, &options, &never, &mut |_| ());
+        let result = run(&self.plan, (gauge.as_mut(), controller.as_mut()), &mut log, &options, &never, &mut |_| ());
         let stopped = cell.state().q;
         if let Err(ProcedureError::Touch { retreat: RetreatOutcome::Done, .. }) = &result {
             let free = |q: &Joints| q.iter().zip(&stopped).all(|(a, b)| (a - b).abs() < 1e-6);

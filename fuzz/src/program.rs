@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 use trical_model::{Basis, Cell, Model, Motion, Pose, Robot, Site, Term};
-use trical_program::{Dialect, Frames, MARK, Options, ToolFrame, compensate};
+use trical_program::{Dialect, Frames, MARK, Options, Program, ToolFrame, compensate};
 
 /// The nominal IRB 120, and one whose base is 1 mm off and whose joint 2 is 0.001 rad off.
 static ARMS: LazyLock<(Model, Model)> = LazyLock::new(|| {
@@ -35,7 +35,7 @@ fn rewritten(bytes: &[u8], dialect: Dialect) -> bool {
     }
     let (nominal, real) = &*ARMS;
     let run = |bytes: &[u8], sink: &mut Vec<u8>| {
-        compensate(bytes, "p", dialect, nominal, real, &FRAMES, &Options::default(), sink)
+        compensate(Program::of_file(bytes, "p", dialect, sink), nominal, real, &FRAMES, &Options::default())
     };
     let mut out = Vec::new();
     let Ok(report) = run(bytes, &mut out) else { return false };

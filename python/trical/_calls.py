@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from . import _native
 from ._findings import Finding, Unexplained, Unseen
-from ._given import path_of, whole
+from ._given import path_of, whole, wholes
 from ._native import Cell, Model, Robot, Rows, TricalError
 from ._progress import Progress, listener
 from ._recording import Frame, PathLike, Recording
@@ -50,6 +50,14 @@ def _file(part: PathLike | Robot | Cell) -> Any:
     if not isinstance(part, str | bytes | os.PathLike):
         raise TypeError(f"found {type(part).__name__}, expected the path of a file, or a Robot or Cell")
     return path_of(part)
+
+
+def _machine(robot: PathLike | Robot, cell: PathLike | Cell) -> tuple[Any, Any]:
+    return _file(robot), _file(cell)
+
+
+def _fields(result: type[Identified | Validation], answer: dict[str, Any]) -> dict[str, Any]:
+    return {f.name: answer[f.name] for f in dataclasses.fields(result) if f.name in answer}
 
 
 def _joints(compliant: Any) -> list[int]:
@@ -113,61 +121,19 @@ def identify(
         RecordingError, NotEnoughDataError, TricalError: bad input, in one sentence.
         NotConvergedError: the fit did not reach a minimum.
     """
-    fitted, text, errors, covariance, told = _native._identify(
-        _sources(recordings),
-        _file(robot),
-        _file(cell),
-        joints,
-        model,
-        _joints(compliant),
-        whole("folds", folds),
-        whole("hold_out_last", hold_out_last),
-        keep_outliers,
-        tool,
-        stream,
-        None if known is None else os.fspath(known),
-        listener(progress, "identifying"),
-    )
+    said: dict[str, Any] = {"joints": joints, "model": model, "compliant": compliant}
+    said |= {"folds": folds, "hold_out_last": hold_out_last, "keep_outliers": keep_outliers}
+    said |= {"tool": tool, "stream": stream, "known": known}
+    given = {**wholes(said, "folds", "hold_out_last"), "compliant": _joints(compliant)}
+    listening = listener(progress, "identifying")
+    answer = _native._identify(_sources(recordings), _machine(robot, cell), given, listening)
+    fitted, text, errors, covariance, told = answer
     s = json.loads(text)
+    s["held_out"] = {how: errors for how, errors in s["held_out"].items() if errors is not None}
+    s["not_identifiable"] = [(name, others) for name, *others in s["not_identifiable"]]
+    s |= {"model": fitted, "covariance": covariance, "errors_mm": errors}
     return Identified(
-        model=fitted,
-        parameters=s["parameters"],
-        errors=s["errors"],
-        observations=s["observations"],
-        rejected=s["rejected"],
-        observability=s["observability"],
-        before=s["before"],
-        covariance=covariance,
-        errors_mm=errors,
-        cross_validation=s.get("cross_validation"),
-        forward_in_time=s.get("forward_in_time"),
-        held_out={how: errors for how, errors in s["held_out"].items() if errors is not None},
-        sessions=s["sessions"],
-        cautions=s["cautions"],
-        not_identifiable=[(name, others) for name, *others in s["not_identifiable"]],
-        correlated=s["correlated"],
-        joints=s["joints"],
-        held=s["held"],
-        near_nominal=s["near_nominal"],
-        elasticity=s["elasticity"],
-        orientation=s.get("orientation"),
-        _made=Made.of(
-            told,
-            identify,
-            recordings,
-            robot=robot,
-            cell=cell,
-            joints=joints,
-            model=model,
-            compliant=compliant,
-            folds=folds,
-            hold_out_last=hold_out_last,
-            keep_outliers=keep_outliers,
-            tool=tool,
-            stream=stream,
-            known=known,
-            files=("robot", "cell", "known"),
-        ),
+        **_fields(Identified, s), _made=Made.of(told, identify, recordings, robot=robot, cell=cell, **said)
     )
 
 
@@ -191,23 +157,16 @@ def diagnose(
     than the measurements, the search takes a parameter as known. The other arguments and errors are those of
     `identify`.
     """
-    model, text, errors, planned, told = _native._diagnose(
-        _sources(recordings),
-        _file(robot),
-        _file(cell),
-        joints,
-        names_only,
-        tool,
-        whole("next", next),
-        None if known is None else os.fspath(known),
-        listener(progress, "diagnosing"),
-    )
+    said = {"joints": joints, "names_only": names_only, "tool": tool, "next": next, "known": known}
+    listening = listener(progress, "diagnosing")
+    found = _native._diagnose(_sources(recordings), _machine(robot, cell), wholes(said, "next"), listening)
+    model, text, errors, planned, told = found
     answer: dict[str, Any] = json.loads(text)
     nameless = [] if answer["unexplained"] is None else [answer["unexplained"], *answer["more_unexplained"]]
     deciding = None
     if planned is not None:
-        touches, said = planned
-        s = json.loads(said)
+        touches, numbers = planned
+        s = json.loads(numbers)
         deciding = NextTouches(*touches, s["effect"], s["site"], s["explanations"], s["lambda"], s["random_lambda"])
     return Diagnosis(
         model=model,
@@ -217,19 +176,7 @@ def diagnose(
         answer=answer,
         errors_mm=errors,
         next=deciding,
-        _made=Made.of(
-            told,
-            diagnose,
-            recordings,
-            robot=robot,
-            cell=cell,
-            joints=joints,
-            names_only=names_only,
-            tool=tool,
-            next=next,
-            known=known,
-            files=("robot", "cell", "known"),
-        ),
+        _made=Made.of(told, diagnose, recordings, robot=robot, cell=cell, **said),
     )
 
 
@@ -253,22 +200,14 @@ def validate(
     `identify`; WrongModelError where model and recordings do not belong together.
     """
     what = refit.split(",") if isinstance(refit, str) else list(refit)
+    given = {"joints": joints, "refit": [w for w in what if w]}
     loaded = _model(model)
-    text, errors, told = _native._validate(
-        loaded,
-        _sources(recordings),
-        loaded.nominal_robot if robot is None else _file(robot),
-        loaded.nominal_cell if cell is None else _file(cell),
-        joints,
-        [w for w in what if w],
-        listener(progress, "validating"),
-    )
+    arm, place = (loaded.nominal_robot if robot is None else robot), (loaded.nominal_cell if cell is None else cell)
+    listening = listener(progress, "validating")
+    text, errors, told = _native._validate(loaded, _sources(recordings), _machine(arm, place), given, listening)
     s = json.loads(text)
-    said = {"robot": robot, "cell": cell, "joints": joints, "refit": refit}
-    made = Made.of(told, validate, model, recordings, **said, files=("robot", "cell"))
-    own = ("errors_mm", "_made")
-    told_of = {f.name: s[f.name] for f in dataclasses.fields(Validation) if f.name not in own}
-    return Validation(**told_of, errors_mm=errors, _made=made)
+    made = Made.of(told, validate, model, recordings, robot=robot, cell=cell, joints=joints, refit=refit)
+    return Validation(**_fields(Validation, {**s, "errors_mm": errors}), _made=made)
 
 
 def compare(model: Model | PathLike, recording: PathLike | Recording, *, joints: str | None = None) -> dict[str, Any]:
@@ -356,23 +295,12 @@ def plan(
     Raises:
         PlanningError: there is no such plan.
     """
-    touches, text, told = _native._plan(
-        _file(robot),
-        _file(cell),
-        whole("per_ball", per_ball),
-        whole("pool", pool),
-        whole("seed", seed),
-        criterion,
-        _sphere(sphere),
-        max_tilt,
-        noise,
-        start,
-        listener(progress, "planning"),
-    )
-    s = json.loads(text)
     said = {"per_ball": per_ball, "pool": pool, "criterion": criterion, "sphere": sphere, "max_tilt": max_tilt}
     said |= {"noise": noise, "start": start, "seed": seed}
-    made = Made.of(told, plan, robot=robot, cell=cell, **said, files=("robot", "cell"))
+    given = {**wholes(said, "per_ball", "pool", "seed"), "sphere": _sphere(sphere)}
+    touches, text, told = _native._plan(_machine(robot, cell), given, listener(progress, "planning"))
+    s = json.loads(text)
+    made = Made.of(told, plan, robot=robot, cell=cell, **said)
     return Plan(*touches, s["parameters"], s["expected"], s, _made=made)
 
 
@@ -403,10 +331,14 @@ def poses(
     where a tracker stands in the world: then the direction `facing_axis` (3,) of the tool, in its own axes, which
     carries the reflector, is turned away from it by `facing_within` rad at most.
     """
-    point = None if facing is None else _three(facing, "facing")
-    axis = _three(facing_axis, "facing_axis")
-    arm, place, n, seed = _file(robot), _file(cell), whole("n", n), whole("seed", seed)
-    return _native._poses(arm, place, n, _sphere(sphere), point, axis, facing_within, seed)
+    given = {
+        "sphere": _sphere(sphere),
+        "facing": None if facing is None else _three(facing, "facing"),
+        "facing_axis": _three(facing_axis, "facing_axis"),
+        "facing_within": facing_within,
+        "seed": whole("seed", seed),
+    }
+    return _native._poses(whole("n", n), _machine(robot, cell), given)
 
 
 def _three(numbers: Sequence[float], name: str) -> tuple[float, float, float]:
@@ -452,27 +384,15 @@ def simulate(
 
     Exactly one of `ball`, `target`, `anchor` and `full_pose` says what is measured.
     """
-    given = {"ball": ball, "target": target, "anchor": anchor}
-    kinds = [k for k, v in given.items() if v is not None] + (["pose"] if full_pose else [])
+    numbers = {"ball": ball, "target": target, "anchor": anchor}
+    kinds = [k for k, v in numbers.items() if v is not None] + (["pose"] if full_pose else [])
     if len(kinds) != 1:
         found = " and ".join(kinds) or "none"
         raise TricalError(f"simulate was given {found} of ball, target, anchor and full_pose, expected one of them")
     (kind,) = kinds
-    rows = _native._simulate(
-        model,
-        q,
-        kind,
-        given.get(kind),
-        noise,
-        angle_noise,
-        whole("seed", seed),
-        stop_within,
-        directions,
-        temperature,
-        time,
-        payload,
-    )
-    return Recording._of(rows)
+    given: dict[str, Any] = {"noise": noise, "angle_noise": angle_noise, "seed": seed, "stop_within": stop_within}
+    given |= {"directions": directions, "temperature": temperature, "time": time, "payload": payload}
+    return Recording._of(_native._simulate(model, q, kind, numbers.get(kind), wholes(given, "seed")))
 
 
 def observability(
@@ -490,7 +410,7 @@ def observability(
     with `indicators=[0, 0, 0]` is enough. `noise` (m) scales the standard deviations of the parameters; 0.01 mm where
     not given.
     """
-    text = _native._observability(_sources(recordings), _file(robot), _file(cell), joints, model, noise)
+    text = _native._observability(_sources(recordings), _machine(robot, cell), joints, model, noise)
     s = json.loads(text)
     # what is not finite is null in JSON: a condition without bound
     indices = {k: math.inf if s[k] is None else s[k] for k in ("o1", "o2", "o3", "o4", "o5", "condition")}
@@ -541,24 +461,10 @@ def compensate(
     relative to rewritten targets, and how far they are off); where there are any, cautions, read_with and written
     (files of the program beside the one that was named).
     """
-    text = _native._compensate(
-        path_of(program),
-        _model(model),
-        _path_of_model(model),
-        None if out is None else os.fspath(out),
-        _file(robot),
-        _file(cell),
-        dialect,
-        [os.fspath(f) for f in ([frames] if isinstance(frames, str | os.PathLike) else frames)],
-        partial,
-        tool,
-        frame,
-        temp_c,
-        time_s,
-        seq,
-        payload_kg,
-        any_configuration,
-        own_base,
-    )
+    given: dict[str, Any] = {"model": _path_of_model(model), "out": out, "dialect": dialect, "partial": partial}
+    given["frames"] = [os.fspath(f) for f in ([frames] if isinstance(frames, str | os.PathLike) else frames)]
+    given |= {"tool": tool, "frame": frame, "temp_c": temp_c, "time_s": time_s, "seq": seq, "payload_kg": payload_kg}
+    given |= {"any_configuration": any_configuration, "own_base": own_base}
+    text = _native._compensate(path_of(program), _model(model), _machine(robot, cell), given)
     result: dict[str, Any] = json.loads(text)
     return result

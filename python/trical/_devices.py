@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -10,7 +9,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from . import _html, _native
-from ._calls import _file, _three
+from ._calls import _file, _machine, _three
 from ._native import Cell, ControllerLink, GaugeLink, Model, Robot, TricalError, VirtualCell
 from ._recording import PathLike
 
@@ -256,11 +255,10 @@ class Controller(_Device):
             import numpy as np
 
             goal = [float(x) for x in np.asarray(to, dtype=np.float64).ravel()]
-        aside = None
-        if tool is not None:
-            aside = _three(tool, "tool")
-        arm = None if robot is None else _file(robot)
-        _, after = self._link.jog(one, goal, aside, max_angle, speed, arm, go)
+        given: dict[str, Any] = {"joint": one, "to": goal, "max_angle": max_angle, "speed": speed, "go": go}
+        given["tool"] = None if tool is None else _three(tool, "tool")
+        given["robot"] = None if robot is None else _file(robot)
+        _, after = self._link.jog(given)
         return after
 
     def __repr__(self) -> str:
@@ -313,19 +311,8 @@ def virtual_cell(
     """
     if not 0 <= port <= 65535:
         raise TricalError(f"port is {port}, expected 0 to 65535")
-    triple = None if unsettled is None else _three(unsettled, "unsettled")
-    return _native._virtual_cell(
-        _file(robot),
-        _file(cell),
-        truth,
-        seed,
-        port,
-        [hide] if isinstance(hide, str) else list(hide),
-        None if faults is None else os.fspath(faults),
-        pace,
-        radio_delay,
-        triple,
-        noise,
-        placement,
-        start,
-    )
+    given: dict[str, Any] = {"truth": truth, "seed": seed, "port": port, "faults": faults, "start": start}
+    given["hide"] = [hide] if isinstance(hide, str) else list(hide)
+    given["unsettled"] = None if unsettled is None else _three(unsettled, "unsettled")
+    given |= {"pace": pace, "radio_delay": radio_delay, "noise": noise, "placement": placement}
+    return _native._virtual_cell(_machine(robot, cell), given)

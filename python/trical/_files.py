@@ -89,11 +89,9 @@ def export(
         move the TCP at 1000 random poses), same_frames (whether the table compares with the nominal one line by
         line), and error_map (a summary, or None).
     """
-    files = (urdf, mdh, error_map, ur_kinematics)
-    if not any(files):
+    files = {"urdf": urdf, "mdh": mdh, "error_map": error_map, "ur_kinematics": ur_kinematics}
+    if not any(files.values()):
         raise TricalError("export was given nothing to write, expected urdf, mdh, error_map or ur_kinematics")
-    arm = None if robot is None else _file(robot)
-    said: dict[str, Any] = json.loads(
-        _native._export(_model(model), _path_of_model(model), arm, *files, whole("poses", poses))
-    )
+    given = {**files, "robot": None if robot is None else _file(robot), "poses": whole("poses", poses)}
+    said: dict[str, Any] = json.loads(_native._export(_model(model), _path_of_model(model), given))
     return said

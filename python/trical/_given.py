@@ -17,6 +17,11 @@ def path_of(given: str | bytes | os.PathLike[Any]) -> str:
     return path
 
 
+def wholes(given: dict[str, Any], *names: str) -> dict[str, Any]:
+    """Return the keywords with those of these names as whole numbers."""
+    return {**given, **{name: whole(name, given[name]) for name in names}}
+
+
 def whole(name: str, given: Any) -> Any:
     """Refuse what is no whole number from 0, by the argument's name."""
     if given is None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from . import _html, _native
-from ._calls import _file
+from ._calls import _machine
 from ._native import Cell, Robot, TricalError
 from ._progress import Progress, listener
 from ._recording import PathLike, Recording
@@ -143,7 +143,12 @@ def measure(
         DeviceError: gauge or controller cannot be used; nothing has moved.
         MeasuringError: the run ended before its plan; what was measured is in `out`.
     """
-    settings = {
+    given = {
+        "out": _output(out),
+        "gauge": gauge,
+        "controller": controller,
+        "go": go,
+        "resume": resume,
         "visits": visits,
         "epsilon": epsilon,
         "repeatability": repeatability,
@@ -158,18 +163,8 @@ def measure(
     }
     text = plan.text if isinstance(plan, Touches) else None
     path = None if isinstance(plan, Touches) else os.fspath(plan)
-    done = _native._measure(
-        {"text": text, "path": path},
-        _output(out),
-        _file(robot),
-        _file(cell),
-        gauge,
-        controller,
-        resume,
-        go,
-        _settings(settings),
-        listener(progress, "measuring"),
-    )
+    listening = listener(progress, "measuring")
+    done = _native._measure({"text": text, "path": path}, _machine(robot, cell), _settings(given), listening)
     return Measured(os.fspath(out), *done)
 
 
@@ -202,7 +197,12 @@ def touch_here(
         raise TricalError("touch_here moves the arm by a few mm to null the indicators: go=True is required")
     if ball < 1:
         raise TricalError(f"ball is {ball}, expected a number counted from 1")
-    settings = {
+    given = {
+        "out": _output(out),
+        "gauge": gauge,
+        "controller": controller,
+        "go": go,
+        "resume": os.path.exists(out),
         "visits": 1,
         "epsilon": epsilon,
         "repeatability": min(epsilon, 1e-5),
@@ -215,17 +215,8 @@ def touch_here(
         "temperature": None,
         "payload": None,
     }
-    rows = _native._touch_here(
-        ball - 1,
-        _output(out),
-        _file(robot),
-        _file(cell),
-        gauge,
-        controller,
-        _settings(settings),
-        listener(progress, "touching"),
-    )
-    return Recording._of(rows)
+    listening = listener(progress, "touching")
+    return Recording._of(_native._touch_here(ball - 1, _machine(robot, cell), _settings(given), listening))
 
 
 @dataclass(frozen=True)
@@ -248,7 +239,7 @@ def find_tool_point(touches: PathLike | Recording, *, robot: PathLike | Robot, c
     By the nominal arm. `touches` as `touch_here` records them. Raises TricalError if they do not determine it.
     """
     known = cell if isinstance(cell, Cell) else Cell.load(cell)
-    found, rms = _native._tool_point(_touches(touches)._rows, _file(robot), known)
+    found, rms = _native._tool_point(_touches(touches)._rows, _machine(robot, known))
     return ToolPoint(found, found.tcp, known.tcp, rms)
 
 
@@ -270,7 +261,7 @@ def find_base(touches: PathLike | Recording, *, robot: PathLike | Robot, cell: P
     By the nominal arm. `touches` as `touch_here` records them. Raises TricalError where a ball was not touched, or if
     the distances of the balls differ by more than an arm can be wrong.
     """
-    found, apart = _native._base(_touches(touches)._rows, _file(robot), _file(cell))
+    found, apart = _native._base(_touches(touches)._rows, _machine(robot, cell))
     return BaseFound(found, [{"balls": (a, b), "touched": x, "cell": y} for a, b, x, y in apart])
 
 

@@ -55,9 +55,12 @@ __all__ = [
 
 _Path = str | bytes | os.PathLike[Any]
 _Floats = npt.NDArray[np.float64]
+# keywords of a public function
+_Keywords = dict[str, Any]
 _Listener = Callable[[float, str], object] | None
 _Touches = tuple[npt.NDArray[np.int64], _Floats, _Floats, list[_Floats], npt.NDArray[np.int8], str]
 
+_Machine = tuple[_Path | Robot, _Path | Cell]
 _Study = tuple[Told, list[list[str]], str, str, str, list[str], str]
 
 class TricalError(ValueError): ...
@@ -316,16 +319,7 @@ class ControllerLink:
     def close(self) -> None: ...
     def ping(self) -> tuple[float, float, float | None]: ...
     def joints(self) -> _Floats: ...
-    def jog(
-        self,
-        joint: tuple[int, float] | None,
-        to: Sequence[float] | None,
-        tool: tuple[float, float, float] | None,
-        max_angle: float,
-        speed: float,
-        robot: _Path | Robot | None,
-        go: bool,
-    ) -> tuple[_Floats, _Floats]: ...
+    def jog(self, given: _Keywords) -> tuple[_Floats, _Floats]: ...
 
 @final
 class VirtualCell:
@@ -362,180 +356,42 @@ class VirtualCell:
     def __exit__(self, _kind: object, _value: object, _trace: object) -> None: ...
 
 def _identify(
-    recordings: Sequence[_Path | Rows],
-    robot: _Path | Robot,
-    cell: _Path | Cell,
-    joints: str,
-    model: str,
-    compliant: Sequence[int],
-    folds: int | None,
-    hold_out_last: int | None,
-    keep_outliers: bool,
-    tool: str,
-    in_stream: bool,
-    known: _Path | None,
-    progress: _Listener,
+    recordings: Sequence[_Path | Rows], machine: _Machine, given: _Keywords, progress: _Listener
 ) -> tuple[Model, str, _Floats | None, _Floats, Told]: ...
 def _diagnose(
-    recordings: Sequence[_Path | Rows],
-    robot: _Path | Robot,
-    cell: _Path | Cell,
-    joints: str,
-    names_only: bool,
-    tool: str,
-    next: int | None,
-    known: _Path | None,
-    progress: _Listener,
+    recordings: Sequence[_Path | Rows], machine: _Machine, given: _Keywords, progress: _Listener
 ) -> tuple[Model, str, _Floats, tuple[_Touches, str] | None, Told]: ...
 def _validate(
-    model: Model,
-    recordings: Sequence[_Path | Rows],
-    robot: _Path | Robot,
-    cell: _Path | Cell,
-    joints: str | None,
-    refit: Sequence[str],
-    progress: _Listener,
+    model: Model, recordings: Sequence[_Path | Rows], machine: _Machine, given: _Keywords, progress: _Listener
 ) -> tuple[str, _Floats, Told]: ...
 def _history(model: Model, recordings: Sequence[_Path | Rows], joints: str | None, need_mm: float | None) -> str: ...
 def _repeatability(recording: Rows, robot: _Path | Robot | None, cell: _Path | Cell | None, same: float) -> str: ...
 def _effects_json() -> str: ...
 def _named(effect: str, site: str | None) -> str: ...
-def _plan(
-    robot: _Path | Robot,
-    cell: _Path | Cell,
-    per_ball: int,
-    pool: int,
-    seed: int,
-    best: str,
-    in_sphere: tuple[float, float, float, float] | None,
-    max_tilt: float,
-    noise: float,
-    start: npt.ArrayLike | None,
-    progress: _Listener,
-) -> tuple[_Touches, str, Told]: ...
-def _poses(
-    robot: _Path | Robot,
-    cell: _Path | Cell,
-    n: int,
-    in_sphere: tuple[float, float, float, float] | None,
-    facing: tuple[float, float, float] | None,
-    facing_axis: tuple[float, float, float],
-    facing_within: float,
-    seed: int,
-) -> _Floats: ...
-def _simulate(
-    model: Model,
-    q: npt.ArrayLike,
-    kind: str,
-    number: npt.ArrayLike | None,
-    noise: float,
-    angle_noise: float,
-    seed: int,
-    stop_within: float | None,
-    directions: npt.ArrayLike | None,
-    temperature: npt.ArrayLike | None,
-    time: npt.ArrayLike | None,
-    payload: npt.ArrayLike | None,
-) -> Rows: ...
+def _plan(machine: _Machine, given: _Keywords, progress: _Listener) -> tuple[_Touches, str, Told]: ...
+def _poses(n: int, machine: _Machine, given: _Keywords) -> _Floats: ...
+def _simulate(model: Model, q: npt.ArrayLike, kind: str, number: npt.ArrayLike | None, given: _Keywords) -> Rows: ...
 def _observability(
     recordings: Sequence[_Path | Rows],
-    robot: _Path | Robot,
-    cell: _Path | Cell,
+    machine: _Machine,
     joints: str,
     set: str,
     noise: float | None,
 ) -> str: ...
-def _study_touches(
-    robot: _Path | Robot,
-    cell: _Path | Cell,
-    common: dict[str, Any],
-    per_ball: Sequence[int],
-    progress: _Listener,
-) -> _Study: ...
-def _study_platforms(
-    robot: _Path | Robot,
-    cell: _Path | Cell,
-    common: dict[str, Any],
-    touches: int,
-    balls: Sequence[int],
-    side_mm: Sequence[float],
-    height_mm: Sequence[float],
-    raise_mm: Sequence[float],
-    progress: _Listener,
-) -> _Study: ...
-def _compensate(
-    program: _Path,
-    model: Model,
-    path: _Path | None,
-    out: _Path | None,
-    robot: _Path | Robot,
-    cell: _Path | Cell,
-    dialect: str | None,
-    frames: Sequence[_Path],
-    partial: bool,
-    tool: str | None,
-    frame: str | None,
-    temp_c: float | None,
-    time_s: float | None,
-    seq: float | None,
-    payload_kg: float | None,
-    any_configuration: bool,
-    own_base: bool,
-) -> str: ...
+def _study_touches(machine: _Machine, per_ball: Sequence[int], given: _Keywords, progress: _Listener) -> _Study: ...
+def _study_platforms(machine: _Machine, given: _Keywords, progress: _Listener) -> _Study: ...
+def _compensate(program: _Path, model: Model, machine: _Machine, given: _Keywords) -> str: ...
 def _ports() -> list[tuple[str, str, str | None]]: ...
 def _master(url: str) -> tuple[_Floats, str, list[str]]: ...
-def _virtual_cell(
-    robot: _Path | Robot,
-    cell: _Path | Cell,
-    truth: Model | None,
-    seed: int,
-    port: int,
-    hidden: Sequence[str],
-    faults: _Path | None,
-    pace: float,
-    radio_delay: float,
-    unsettled: tuple[float, float, float] | None,
-    noise: float,
-    placement: float,
-    start: npt.ArrayLike | None,
-) -> VirtualCell: ...
+def _virtual_cell(machine: _Machine, given: _Keywords) -> VirtualCell: ...
 def _measure(
-    plan: dict[str, str | None],
-    out: _Path,
-    robot: _Path | Robot,
-    cell: _Path | Cell,
-    gauge: str,
-    controller: str,
-    resume: bool,
-    go: bool,
-    settings: dict[str, Any],
-    progress: _Listener,
+    plan: dict[str, str | None], machine: _Machine, given: _Keywords, progress: _Listener
 ) -> tuple[int, int, int, list[str], list[str]]: ...
-def _touch_here(
-    ball: int,
-    out: _Path,
-    robot: _Path | Robot,
-    cell: _Path | Cell,
-    gauge: str,
-    controller: str,
-    settings: dict[str, Any],
-    progress: _Listener,
-) -> Rows: ...
+def _touch_here(ball: int, machine: _Machine, given: _Keywords, progress: _Listener) -> Rows: ...
 def _program(arguments: list[str]) -> int: ...
 def _sample() -> list[tuple[str, str]]: ...
-def _tool_point(recording: Rows, robot: _Path | Robot, cell: _Path | Cell) -> tuple[Cell, float]: ...
-def _base(
-    recording: Rows, robot: _Path | Robot, cell: _Path | Cell
-) -> tuple[Cell, list[tuple[int, int, float, float]]]: ...
+def _tool_point(recording: Rows, machine: _Machine) -> tuple[Cell, float]: ...
+def _base(recording: Rows, machine: _Machine) -> tuple[Cell, list[tuple[int, int, float, float]]]: ...
 def _inside(path: _Path) -> tuple[Robot | None, Cell | None]: ...
 def _convert(input: _Path, output: _Path, joints: int | None) -> str: ...
-def _export(
-    model: Model,
-    path: _Path | None,
-    robot: _Path | Robot | None,
-    urdf: _Path | None,
-    mdh: _Path | None,
-    error_map: _Path | None,
-    ur_kinematics: _Path | None,
-    poses: int,
-) -> str: ...
+def _export(model: Model, path: _Path | None, given: _Keywords) -> str: ...

@@ -7,22 +7,19 @@ from collections.abc import Sequence
 from typing import Any
 
 from . import _native
-from ._calls import _file
-from ._given import whole
+from ._calls import _machine
+from ._given import whole, wholes
 from ._native import Cell, Robot, TricalError
 from ._progress import Progress, listener
 from ._recording import PathLike
 from ._results import Study
 from ._told import Made
 
-_Common = dict[str, Any]
 
-
-def _common(given: _Common) -> _Common:
+def _common(given: dict[str, Any]) -> dict[str, Any]:
     if given["model"] == "nominal":
         raise TricalError("model is 'nominal', expected 'geometry', 'compliance' or 'complete'")
-    for name in ("trials", "seed", "pool"):
-        whole(name, given[name])
+    given = wholes(given, "trials", "seed", "pool")
     return {**given, "compliance_deg_per_nm": [float(c) for c in given["compliance_deg_per_nm"]]}
 
 
@@ -78,12 +75,9 @@ def study_touches(
     said = {"trials": trials, "seed": seed, "pool": pool, "criterion": criterion, "model": model}
     said |= {"length_mm": length_mm, "angle_deg": angle_deg, "compliance_deg_per_nm": compliance_deg_per_nm}
     said |= {"indicator_mm": indicator_mm, "procedure_mm": procedure_mm, "ballbar_mm": ballbar_mm}
-    listening = listener(progress, "studying")
-    result = _native._study_touches(
-        _file(robot), _file(cell), _common(said), [whole("per_ball", n) for n in per_ball], listening
-    )
-    files = ("robot", "cell")
-    made = Made.of(result[0], study_touches, robot=robot, cell=cell, per_ball=per_ball, **said, files=files)
+    counts = [whole("per_ball", n) for n in per_ball]
+    result = _native._study_touches(_machine(robot, cell), counts, _common(said), listener(progress, "studying"))
+    made = Made.of(result[0], study_touches, robot=robot, cell=cell, per_ball=per_ball, **said)
     return _study(result, "settings", made)
 
 
@@ -140,16 +134,8 @@ def study_platforms(
     said |= {"indicator_mm": indicator_mm, "procedure_mm": procedure_mm, "ballbar_mm": ballbar_mm}
     places: dict[str, Any] = {"touches": touches, "balls": balls}
     places |= {"side_mm": side_mm, "height_mm": height_mm, "raise_mm": raise_mm}
-    result = _native._study_platforms(
-        _file(robot),
-        _file(cell),
-        _common(said),
-        touches,
-        list(balls),
-        [float(x) for x in side_mm],
-        [float(x) for x in height_mm],
-        [float(x) for x in raise_mm],
-        listener(progress, "studying"),
-    )
-    made = Made.of(result[0], study_platforms, robot=robot, cell=cell, **places, **said, files=("robot", "cell"))
+    given = {**_common(said), "touches": touches, "balls": list(balls)}
+    given |= {name: [float(x) for x in places[name]] for name in ("side_mm", "height_mm", "raise_mm")}
+    result = _native._study_platforms(_machine(robot, cell), given, listener(progress, "studying"))
+    made = Made.of(result[0], study_platforms, robot=robot, cell=cell, **places, **said)
     return _study(result, "platforms", made)

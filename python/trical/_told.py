@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 from ._native import Told, TricalError
 
 _Path = str | os.PathLike[str]
+
+# keywords that may be paths of files
+_FILES = ("robot", "cell", "known")
 
 
 def _word(value: object) -> str:
@@ -40,16 +43,14 @@ class Made:
     inputs: list[str]
 
     @classmethod
-    def of(
-        cls, told: Told, function: Callable[..., Any], *args: object, files: Sequence[str] = (), **keywords: object
-    ) -> Made:
-        """Remember a call: all of `args` and the keywords `files` may be paths; keywords as by default are not told."""
+    def of(cls, told: Told, function: Callable[..., Any], *args: object, **keywords: object) -> Made:
+        """Remember a call, whose `args` may be paths too; keywords as by default are not told."""
         usual = inspect.signature(function).parameters
         said = [_word(a) for a in args]
         said += [
             f"{k}={_word(v)}" for k, v in keywords.items() if not (k in usual and _word(usual[k].default) == _word(v))
         ]
-        inputs = [p for v in (*args, *(keywords[f] for f in files)) for p in _paths(v)]
+        inputs = [p for v in (*args, *(keywords.get(f) for f in _FILES)) for p in _paths(v)]
         return cls(told, f"trical.{function.__name__}({', '.join(said)})", inputs)
 
 

@@ -16,7 +16,7 @@
 //! let plan: Vec<PlanEntry> = Vec::new();
 //! let options = ProcedureOptions { go: true, ..ProcedureOptions::default() };
 //! let cancel = AtomicBool::new(false);
-//! run(&plan, gauge.as_mut(), controller.as_mut(), &mut log, &options, &cancel, &mut |_| ())?;
+//! run(&plan, (gauge.as_mut(), controller.as_mut()), &mut log, &options, &cancel, &mut |_| ())?;
 //! log.finish()?;
 //! # Ok(())
 //! # }

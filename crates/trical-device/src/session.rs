@@ -180,7 +180,7 @@ impl Session<'_> {
             controller.stop_when(Arc::clone(stops));
         }
         let mut log = self.open(&mut options, watch).map_err(SessionError::Recording)?;
-        let result = run(self.plan, gauge.as_mut(), controller.as_mut(), &mut log, &options, self.cancel, watch);
+        let result = run(self.plan, (gauge.as_mut(), controller.as_mut()), &mut log, &options, self.cancel, watch);
         let finished = log.finish();
         let report = result.map_err(SessionError::Run)?;
         finished.map_err(SessionError::Finish)?;

@@ -35,7 +35,7 @@ fn a_transmitter_that_dies_in_a_touch_is_noticed_and_the_arm_retreats() {
     };
     let cancel = AtomicBool::new(false);
     let error =
-        run(&plan(3), gauge.as_mut(), controller.as_mut(), &mut rows, &options(), &cancel, &mut watch).unwrap_err();
+        run(&plan(3), (gauge.as_mut(), controller.as_mut()), &mut rows, &options(), &cancel, &mut watch).unwrap_err();
     let ProcedureError::Touch { index: 1, ball: 1, violation, retreat } = &error else { panic!("{error}") };
     assert!(matches!(violation.as_ref(), Violation::Stale { axis: 'y', .. }), "{error}");
     assert!(matches!(retreat, RetreatOutcome::Done), "{error}");
@@ -196,7 +196,7 @@ fn a_full_disk_ends_the_run_with_the_arm_back_at_a_free_place() {
     let cancel = AtomicBool::new(false);
     let mut disk = FullDisk { left: 1, full: false };
     let error =
-        run(&plan(3), gauge.as_mut(), controller.as_mut(), &mut disk, &options(), &cancel, &mut |_| ()).unwrap_err();
+        run(&plan(3), (gauge.as_mut(), controller.as_mut()), &mut disk, &options(), &cancel, &mut |_| ()).unwrap_err();
     assert!(error.to_string().contains("run.mcap: cannot write to the disk"), "{error}");
     assert!(error.to_string().contains("went back the way it came"), "{error}");
     assert!(plan(3)[1].via[0].iter().zip(&cell.state().q).all(|(a, b)| (a - b).abs() < 1e-6));
@@ -212,7 +212,7 @@ fn a_connection_lost_on_the_way_back_says_that_the_touch_is_recorded() {
         }
     };
     let error =
-        run(&plan(2), gauge.as_mut(), controller.as_mut(), &mut rows, &options(), &cancel, &mut watch).unwrap_err();
+        run(&plan(2), (gauge.as_mut(), controller.as_mut()), &mut rows, &options(), &cancel, &mut watch).unwrap_err();
     assert!(error.to_string().contains("the touch is recorded"), "{error}");
     assert_eq!(rows.len(), 1);
 }
@@ -228,7 +228,7 @@ fn a_receiver_that_is_unplugged_is_an_error_and_not_a_hang() {
         }
     };
     let error =
-        run(&plan(2), gauge.as_mut(), controller.as_mut(), &mut rows, &options(), &cancel, &mut watch).unwrap_err();
+        run(&plan(2), (gauge.as_mut(), controller.as_mut()), &mut rows, &options(), &cancel, &mut watch).unwrap_err();
     assert!(error.to_string().contains("lost") || error.to_string().contains("port failed"), "{error}");
     assert!(gauge.read().unwrap_err().to_string().contains("the port failed"));
 }
@@ -323,7 +323,7 @@ fn an_indicator_that_is_set_to_zero_in_the_midst_of_a_run_ends_it() {
     let mut gauge = AlteredGauge { gauge: gauge.as_mut(), read: 0, alter };
     let cancel = AtomicBool::new(false);
     let error =
-        run(&plan(9), &mut gauge, controller.as_mut(), &mut rows, &options(), &cancel, &mut |_| ()).unwrap_err();
+        run(&plan(9), (&mut gauge, controller.as_mut()), &mut rows, &options(), &cancel, &mut |_| ()).unwrap_err();
     assert!(matches!(error.violation(), Some(Violation::ZeroMoved { axis: 'x', .. })), "{error}");
     assert!(error.to_string().contains("went back the way it came") && !rows.is_empty(), "{error}");
 }
@@ -335,7 +335,7 @@ fn joints_at_which_no_arm_can_stand_are_refused_before_anything_moves() {
     limited.limits.joints = vec![(-3.0, 3.0); 6];
     let mut turned = AlteredJoints(controller.as_mut(), |q| q[5] += std::f64::consts::TAU);
     let cancel = AtomicBool::new(false);
-    let error = run(&plan(1), gauge.as_mut(), &mut turned, &mut rows, &limited, &cancel, &mut |_| ()).unwrap_err();
+    let error = run(&plan(1), (gauge.as_mut(), &mut turned), &mut rows, &limited, &cancel, &mut |_| ()).unwrap_err();
     let said = error.to_string();
     assert!(matches!(error, ProcedureError::Start { .. }) && cell.motions() == 0, "{said}");
     assert!(said.contains("reports joint 6 at") && said.contains("same joints, units and turns"), "{said}");
@@ -348,7 +348,7 @@ fn a_controller_that_rounds_its_joints_is_warned_about_once() {
         q.iter_mut().for_each(|q| *q = ((q.to_degrees() * 100.0).round() / 100.0).to_radians());
     });
     let cancel = AtomicBool::new(false);
-    let report = run(&plan(3), gauge.as_mut(), &mut rounded, &mut rows, &options(), &cancel, &mut |_| ()).unwrap();
+    let report = run(&plan(3), (gauge.as_mut(), &mut rounded), &mut rows, &options(), &cancel, &mut |_| ()).unwrap();
     assert_eq!(report.measured, 3);
     assert!(report.warnings.len() == 1 && report.warnings[0].contains("whole steps of 0.01 deg"), "{report:?}");
 }

@@ -33,7 +33,7 @@ fn child() {
     };
     let touches = std::env::var("TRICAL_TEST_TOUCHES").map_or(TOUCHES, |text| text.parse().unwrap());
     let cancel = AtomicBool::new(false);
-    run(&plan(touches), gauge.as_mut(), controller.as_mut(), &mut log, &options, &cancel, &mut tell).unwrap();
+    run(&plan(touches), (gauge.as_mut(), controller.as_mut()), &mut log, &options, &cancel, &mut tell).unwrap();
     log.finish().unwrap();
 }
 

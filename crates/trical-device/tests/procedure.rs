@@ -101,8 +101,7 @@ fn a_stop_ends_at_a_free_place() {
         let mut readings = 0;
         let result = run(
             &plan(3),
-            bench.gauge.as_mut(),
-            bench.controller.as_mut(),
+            (bench.gauge.as_mut(), bench.controller.as_mut()),
             &mut bench.rows,
             &options(),
             &cancel,
@@ -173,7 +172,7 @@ fn at_a_touch_the_true_tcp_is_the_reading_away_from_the_ball() {
         Progress::Measured { .. } => truth.push(last),
         _ => {}
     };
-    run(&plan(3), gauge.as_mut(), controller.as_mut(), &mut rows, &options(), &cancel, &mut watch).unwrap();
+    run(&plan(3), (gauge.as_mut(), controller.as_mut()), &mut rows, &options(), &cancel, &mut watch).unwrap();
     for (tcp, ball) in truth.iter().zip(&BALLS) {
         assert!(tcp.iter().zip(ball).all(|(a, b)| (a - b).abs() < 6e-6));
     }
@@ -243,7 +242,7 @@ fn an_arm_that_was_jogged_between_touches_is_noticed_and_left_alone() {
         }
     };
     let error =
-        run(&plan(3), gauge.as_mut(), controller.as_mut(), &mut rows, &options(), &cancel, &mut watch).unwrap_err();
+        run(&plan(3), (gauge.as_mut(), controller.as_mut()), &mut rows, &options(), &cancel, &mut watch).unwrap_err();
     assert!(matches!(error.violation(), Some(Violation::Elsewhere { joint: 4, .. })), "{error}");
     assert!(error.to_string().contains("something else has moved the arm; the arm is left where it stands"), "{error}");
     assert_eq!((cell.motions(), rows.len()), (motions, 1));
@@ -267,7 +266,7 @@ fn a_way_back_that_the_guard_refuses_is_not_driven() {
     };
     let options = ProcedureOptions { guard: Some(&guard), ..options() };
     let error =
-        run(&plan(3), gauge.as_mut(), controller.as_mut(), &mut rows, &options, &cancel, &mut watch).unwrap_err();
+        run(&plan(3), (gauge.as_mut(), controller.as_mut()), &mut rows, &options, &cancel, &mut watch).unwrap_err();
     let text = error.to_string();
     assert!(text.contains("could NOT go back") && text.contains("the gate is closed) and was not driven"), "{text}");
     assert_eq!(cell.motions(), motions, "{text}");
@@ -330,7 +329,7 @@ fn a_stem_that_does_not_follow_is_no_measurement() {
         }
     };
     let error =
-        run(&plan(3), gauge.as_mut(), controller.as_mut(), &mut rows, &options(), &cancel, &mut watch).unwrap_err();
+        run(&plan(3), (gauge.as_mut(), controller.as_mut()), &mut rows, &options(), &cancel, &mut watch).unwrap_err();
     assert!(matches!(error.violation(), Some(Violation::NoResponse { axis: 'y', .. })), "{error}");
     assert_eq!(rows.len(), 1);
     // with no point in free air before the touch, it has to follow a step aside
@@ -352,7 +351,7 @@ fn a_clock_that_jumps_leaves_the_rows_in_order() {
                 cell.inject(Fault::ClockJump { seconds });
             }
         };
-        let report = run(&plan(4), gauge.as_mut(), controller.as_mut(), &mut rows, &options(), &cancel, &mut watch);
+        let report = run(&plan(4), (gauge.as_mut(), controller.as_mut()), &mut rows, &options(), &cancel, &mut watch);
         let report = report.unwrap();
         assert!(report.warnings.iter().any(|w| w.contains("the controller's clock has jumped")), "{report:?}");
         let times: Vec<f64> = rows.iter().map(|row| row.state.t.unwrap()).collect();

@@ -45,7 +45,7 @@ fn drive(
     let mut controller = open_controller(&cell.controller_url()).unwrap();
     let cancel = AtomicBool::new(false);
     let mut sizes = Vec::new();
-    let result = run(plan, gauge.as_mut(), controller.as_mut(), log, options, &cancel, &mut |event| {
+    let result = run(plan, (gauge.as_mut(), controller.as_mut()), log, options, &cancel, &mut |event| {
         if let Progress::Measured { .. } = event {
             sizes.push(std::fs::metadata(path).unwrap().len());
         }

@@ -39,8 +39,7 @@ fn two_hours_of_measuring_leave_memory_flat() {
     let (stop, mut early, mut last, mut rows) = (AtomicBool::new(false), None, 0.0, 0);
     let ended = run(
         &plan(touches),
-        bench.gauge.as_mut(),
-        bench.controller.as_mut(),
+        (bench.gauge.as_mut(), bench.controller.as_mut()),
         &mut log,
         &options(),
         &stop,

@@ -200,24 +200,7 @@ mod tests {
     #[test]
     fn the_next_calibration_is_due_when_the_trend_reaches_what_the_work_allows() {
         let last = |mean_mm: f64, verdict: &'static str| {
-            vec![Comparison {
-                recording: "last.csv".into(),
-                hash: String::new(),
-                measurements: 12,
-                verdict,
-                summary: String::new(),
-                doubt: None,
-                setup_of: None,
-                anew: Vec::new(),
-                rejected: Vec::new(),
-                changes: Vec::new(),
-                visible: Vec::new(),
-                mean_mm,
-                noise_mm: 0.01,
-                more_noise: 1.0,
-                temp_c: None,
-                alone: Vec::new(),
-            }]
+            vec![Comparison { recording: "last.csv".into(), verdict, mean_mm, ..Comparison::default() }]
         };
         let grows = |p_value: f64| Some(Trend { mm_per_step: 0.002, sd: 0.0005, p_value });
         let says = |sessions: &[Comparison], trend, need| due(sessions, &[0.0, 30.0], trend, need, "days");

@@ -16,6 +16,7 @@
 //! | [`gross`] | measurements that no model of the arm explains |
 //! | [`stream`], `sample` | identification from files of any size, in bounded memory; rows that stand for all |
 //! | [`validate`], [`predicted`] | a model on data that it was not fitted to; how far off it says that it may be |
+//! | [`compare`], [`history`] | whether an arm is still as it was calibrated; its sessions over months |
 //! | [`repeatability`], [`iso9283`] | how far repeat visits scatter; accuracy and repeatability as the standard has them |
 //! | [`joint_choice`] | which joint angles to use |
 //! | [`touches`], [`simulate`] | what touches could tell; recordings of an arm that is a model |

@@ -16,7 +16,7 @@ use crate::frames::Frames;
 use crate::modules::Modules;
 use crate::options::Options;
 use crate::report::{Report, listed, summarized};
-use crate::rewriting::{Part, Program, compensate_together};
+use crate::rewriting::{Part, Program, compensate};
 use crate::scan::hashed;
 
 /// What to do with which file.
@@ -86,7 +86,7 @@ impl Job<'_> {
             sinks.push(Box::new(BufWriter::with_capacity(1 << 20, file)));
         }
         sinks.resize_with(files.len(), || Box::new(std::io::sink()));
-        let mut parts: Vec<Part<'_>> = sinks
+        let parts = sinks
             .iter_mut()
             .zip(names.iter().zip(&ends))
             .map(|(sink, (name, end))| Part { name, end: *end, sink: sink.as_write() })
@@ -97,8 +97,8 @@ impl Job<'_> {
             Dialect::Rapid => &modules,
             _ => &Nowhere,
         };
-        let program = Program { bytes: &bytes, parts: &mut parts, dialect, elsewhere };
-        let mut report = compensate_together(program, nominal, model, &frames, options)?;
+        let program = Program { bytes: &bytes, parts, dialect, elsewhere };
+        let mut report = compensate(program, nominal, model, &frames, options)?;
         report.cautions.extend(beside.unread());
         read_with.extend(beside.read.into_inner());
         if dialect == Dialect::Rapid {

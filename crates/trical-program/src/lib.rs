@@ -5,18 +5,18 @@
 //! real arm to the same place; only the bytes of changed numbers are replaced, block by block, straight into the output.
 //!
 //! ```
-//! use trical_program::{Dialect, Frames, Options, compensate};
+//! use trical_program::{Dialect, Frames, Options, Program, compensate};
 //! use trical_model::{Cell, Model, Robot};
 //! # let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml")?;
 //! # let cell = Cell::parse(include_str!("../../../cells/irb120/cell.toml"), "cell.toml")?;
 //! let nominal = Model::nominal(robot, cell);
 //! let model = nominal.clone(); // of a model file, else
-//! let program = b"x_mm,y_mm,z_mm,qw,qx,qy,qz\r\n350,50,320,0,0.6,0.8,0\r\n";
+//! let text = b"x_mm,y_mm,z_mm,qw,qx,qy,qz\r\n350,50,320,0,0.6,0.8,0\r\n";
 //! let mut out = Vec::new();
-//! let frames = Frames::default();
-//! let done = compensate(program, "p.csv", Dialect::Csv, &nominal, &model, &frames, &Options::default(), &mut out)?;
+//! let program = Program::of_file(text, "p.csv", Dialect::Csv, &mut out);
+//! let done = compensate(program, &nominal, &model, &Frames::default(), &Options::default())?;
 //! assert_eq!(done.rewritten, 1);
-//! assert!(out.ends_with(program)); // behind the mark; a model that is the nominal arm changes nothing
+//! assert!(out.ends_with(text)); // behind the mark; a model that is the nominal arm changes nothing
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
@@ -59,4 +59,4 @@ pub use file::{Job, declared_frames, left, load_frames};
 pub use frames::{Frames, ToolFrame};
 pub use options::Options;
 pub use report::{Problem, Report, TargetRow, summarized};
-pub use rewriting::compensate;
+pub use rewriting::{Program, compensate};

@@ -24,36 +24,12 @@ use crate::text::contains;
 /// Targets that one thread takes at a time.
 const BLOCK: usize = 2048;
 
-/// Rewrites the targets of a program into `sink`. `nominal` is the arm as the controller believes it, `model` as it is.
-/// Targets that cannot be rewritten are listed in the report and stay as they are.
-///
-/// The program stands in memory once, with some 200 bytes for each target; what is written is not kept. All processors are
-/// used, and their number changes no byte.
-///
-/// # Errors
-/// [`ProgramError`]; what was written to `sink` by then is worthless.
-#[expect(clippy::too_many_arguments, reason = "a program has a name and a language, a model two sides")]
-pub fn compensate(
-    bytes: &[u8],
-    file: &str,
-    dialect: Dialect,
-    nominal: &Model,
-    model: &Model,
-    frames: &Frames,
-    options: &Options,
-    sink: &mut dyn Write,
-) -> Result<Report, ProgramError> {
-    let mut whole = [Part { name: file, end: bytes.len(), sink }];
-    let program = Program { bytes, parts: &mut whole, dialect, elsewhere: &Nowhere };
-    compensate_together(program, nominal, model, frames, options)
-}
-
-/// A program of several files that stand one behind the other in `bytes`: names and frames of each hold in all.
-pub struct Program<'a, 'b> {
+/// A program, perhaps of several files that stand one behind the other in `bytes`: names and frames of each hold in all.
+pub struct Program<'a> {
     /// The text of all.
     pub bytes: &'a [u8],
     /// Its files.
-    pub parts: &'a mut [Part<'b>],
+    pub parts: Vec<Part<'a>>,
     /// Its language.
     pub dialect: Dialect,
     /// What other files have that are not rewritten with it.
@@ -70,12 +46,24 @@ pub struct Part<'a> {
     pub sink: &'a mut dyn Write,
 }
 
-/// As [`compensate`], of a program of several files.
+impl<'a> Program<'a> {
+    /// A program of one file, whose rewritten text goes to `sink`.
+    pub fn of_file(bytes: &'a [u8], name: &'a str, dialect: Dialect, sink: &'a mut dyn Write) -> Self {
+        let parts = vec![Part { name, end: bytes.len(), sink }];
+        Self { bytes, parts, dialect, elsewhere: &Nowhere }
+    }
+}
+
+/// Rewrites the targets of a program. `nominal` is the arm as the controller believes it, `model` as it is.
+/// Targets that cannot be rewritten are listed in the report and stay as they are.
+///
+/// The program stands in memory once, with some 200 bytes for each target; what is written is not kept. All processors are
+/// used, and their number changes no byte.
 ///
 /// # Errors
-/// As [`compensate`].
-pub fn compensate_together(
-    program: Program<'_, '_>,
+/// [`ProgramError`]; what was written by then is worthless.
+pub fn compensate(
+    program: Program<'_>,
     nominal: &Model,
     model: &Model,
     frames: &Frames,
@@ -191,7 +179,7 @@ struct Writer<'a, 'b> {
 }
 
 impl<'a, 'b> Writer<'a, 'b> {
-    fn new(bytes: &'a [u8], parts: &'a mut [Part<'b>], dialect: Dialect, scan: &'a Scan, options: &'a Options) -> Self {
+    fn new(bytes: &'a [u8], parts: Vec<Part<'b>>, dialect: Dialect, scan: &'a Scan, options: &'a Options) -> Self {
         let begins: Vec<usize> = std::iter::once(0).chain(parts.iter().map(|p| p.end)).take(parts.len()).collect();
         let mark = |(begin, part): (&usize, &Part<'_>)| {
             let (at, line) = dialect.mark(bytes.get(*begin..part.end).unwrap_or(&[]), &options.model_name);
@@ -366,7 +354,7 @@ fn in_parallel(all: &Compensator<'_>, spots: &[Spot], starts: &[Result<Start, St
 struct Splice<'a, 'b> {
     bytes: &'a [u8],
     at: usize,
-    parts: &'a mut [Part<'b>],
+    parts: Vec<Part<'b>>,
     part: usize,
 }
 

@@ -3,9 +3,27 @@
 use std::path::PathBuf;
 
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use trical_ident::{JointSource, ParameterSet};
 
 use crate::errors::bad;
+
+/// The keywords of a public function, in a dict. One that does not fit is refused as Python refuses an argument.
+pub fn keywords<'py, T>(given: &Bound<'py, PyDict>) -> PyResult<T>
+where
+    T: for<'a> FromPyObject<'a, 'py, Error = PyErr>,
+{
+    let py = given.py();
+    given.extract().map_err(|e: PyErr| {
+        let Some(cause) = e.cause(py) else { return e };
+        // "failed to extract field Keywords.folds"
+        let text = e.to_string();
+        let note = format!("while processing '{}'", text.rsplit('.').next().unwrap_or(&text));
+        // notes are from Python 3.11 on
+        drop(cause.value(py).call_method1("add_note", (note,)));
+        cause
+    })
+}
 
 /// A path as Python has them: text, bytes, or an object that has one.
 pub fn path_of(given: &Bound<'_, PyAny>) -> PyResult<PathBuf> {

@@ -4,7 +4,7 @@ use numpy::ndarray::{Array2, ArrayView1, ArrayView2, Ix1, Ix2};
 use numpy::{IntoPyArray, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::IntoPyDict;
-use trical_model::{Joints, State};
+use trical_model::{Joints, Robot, State};
 
 use crate::errors::bad;
 
@@ -213,6 +213,11 @@ impl States<'_> {
             ..State::at(&q)
         }
     }
+}
+
+/// Joint values (joints,) of an arm, or the first of several.
+pub fn one_pose(q: &Bound<'_, PyAny>, robot: &Robot) -> PyResult<Joints> {
+    Ok(Known::new(q, robot.dof(), &Beside::default())?.states()?.at(0).q)
 }
 
 /// An array (n, columns), or its only row.

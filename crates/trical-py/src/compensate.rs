@@ -3,14 +3,16 @@
 use std::path::PathBuf;
 
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use trical_ident::Expected;
 use trical_model::{Model, State};
 use trical_program::{Job, Options, ProgramError};
 use trical_recording::output;
 
+use crate::arguments::keywords;
 use crate::errors::{Failed, Result, bad, check};
 use crate::long::long;
-use crate::machine::{CellArgument, RobotArgument, read};
+use crate::machine::{Machine, read};
 use crate::model::PyModel;
 
 impl From<ProgramError> for Failed {
@@ -41,18 +43,12 @@ fn within(name: &str, value: Option<f64>, from: f64, to: f64) -> PyResult<()> {
     }
 }
 
-/// Rewrites a program file; returns the command's JSON.
-#[pyfunction]
-#[pyo3(signature = (program, model, path, out, robot, cell, dialect, frames, partial, tool, frame, temp_c, time_s, seq, payload_kg, any_configuration, own_base))]
-#[expect(clippy::too_many_arguments, reason = "the keywords of trical.compensate")]
-pub fn _compensate(
-    py: Python<'_>,
-    program: PathBuf,
-    model: &Bound<'_, PyModel>,
-    path: Option<PathBuf>,
+/// Keywords of `trical.compensate`, and the file of its model.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct CompensateKeywords {
+    model: Option<PathBuf>,
     out: Option<PathBuf>,
-    robot: RobotArgument,
-    cell: CellArgument,
     dialect: Option<String>,
     frames: Vec<PathBuf>,
     partial: bool,
@@ -64,34 +60,52 @@ pub fn _compensate(
     payload_kg: Option<f64>,
     any_configuration: bool,
     own_base: bool,
+}
+
+/// Rewrites a program file; returns the command's JSON.
+#[pyfunction]
+pub fn _compensate(
+    py: Python<'_>,
+    program: PathBuf,
+    model: &Bound<'_, PyModel>,
+    machine: Machine,
+    given: &Bound<'_, PyDict>,
 ) -> Result<String> {
-    if let Some(out) = &out {
-        let machine = [robot.file(), cell.file()];
-        let read = [Some(&program), path.as_ref()].into_iter().chain(machine.iter().map(Option::as_ref));
-        check(output::check_no_recording(out, read.flatten().chain(&frames).map(PathBuf::as_path)))?;
+    let given: CompensateKeywords = keywords(given)?;
+    if let Some(out) = &given.out {
+        let machine = [machine.0.file(), machine.1.file()];
+        let read = [Some(&program), given.model.as_ref()].into_iter().chain(machine.iter().map(Option::as_ref));
+        check(output::check_no_recording(out, read.flatten().chain(&given.frames).map(PathBuf::as_path)))?;
     }
+    let CompensateKeywords { temp_c, payload_kg, .. } = given;
     within("temp_c", temp_c, -100.0, 200.0)?;
     within("payload_kg", payload_kg, 0.0, 1e4)?;
-    within("time_s", time_s, 0.0, 1e9)?;
-    within("seq", seq, 0.0, 1e9)?;
-    let (robot, cell) = read(&robot, &cell)?;
+    within("time_s", given.time_s, 0.0, 1e9)?;
+    within("seq", given.seq, 0.0, 1e9)?;
+    let (robot, cell) = read(&machine)?;
     let nominal = Model::nominal(robot, cell);
     let file = model.get().file.clone();
     file.require_robot(&nominal.robot, "the model")?;
     let options = Options {
-        model_name: path.map_or_else(|| "a model in Python".into(), |path| path.display().to_string()),
-        tool,
-        frame,
+        model_name: given.model.map_or_else(|| "a model in Python".into(), |path| path.display().to_string()),
+        tool: given.tool,
+        frame: given.frame,
         temp_c,
-        time_s,
-        seq,
+        time_s: given.time_s,
+        seq: given.seq,
         payload_kg,
-        configuration_off: any_configuration,
-        own_base,
-        details: out.is_none(),
+        configuration_off: given.any_configuration,
+        own_base: given.own_base,
+        details: given.out.is_none(),
         visited: file.visited(),
     };
-    let job = Job { program: &program, out: out.as_deref(), dialect: dialect.as_deref(), frames: &frames, partial };
+    let job = Job {
+        program: &program,
+        out: given.out.as_deref(),
+        dialect: given.dialect.as_deref(),
+        frames: &given.frames,
+        partial: given.partial,
+    };
     let dialect = job.dialect()?;
     let mut report = long(py, None, |_| job.run(&nominal, &file.model, &options))?;
     if let Some(expected) = Expected::of(&file)? {

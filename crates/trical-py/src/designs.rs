@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use serde_json::{Value, json};
 use trical_ident::identifiability::{independent_terms, observability, r_factor};
 use trical_ident::{Aim, Choice, Dataset, JointSource, Noise, Scatter, model_of_touches, shown, simulate, usual_set};
@@ -16,11 +17,11 @@ use trical_plan::{
 };
 use trical_report::plan_told::Told;
 
-use crate::arguments::{parameter_set, source};
-use crate::arrays::{Beside, Column, Known, joints_array};
+use crate::arguments::{keywords, parameter_set, source};
+use crate::arrays::{Beside, Column, Known, joints_array, one_pose};
 use crate::errors::{Result, bad};
 use crate::long::long;
-use crate::machine::{CellArgument, RobotArgument, read};
+use crate::machine::{Machine, read};
 use crate::model::PyModel;
 use crate::rows::{PyRows, RecordingArgument, read_all};
 use crate::told::{Kept, PyTold};
@@ -71,41 +72,46 @@ pub fn touches<'py>(py: Python<'py>, robot: &Robot, entries: &[PlanEntry]) -> To
     )
 }
 
-/// Plans touches; also a JSON summary, and what the report is made of.
-#[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "keywords of the public function")]
-pub fn _plan<'py>(
-    py: Python<'py>,
-    robot: RobotArgument,
-    cell: CellArgument,
+/// Keywords of `trical.plan`.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct PlanKeywords<'py> {
     per_ball: usize,
     pool: usize,
-    seed: u64,
-    best: &str,
-    in_sphere: Option<[f64; 4]>,
+    criterion: String,
+    sphere: Option<[f64; 4]>,
     max_tilt: f64,
     noise: f64,
-    start: Option<&Bound<'py, PyAny>>,
+    start: Option<Bound<'py, PyAny>>,
+    seed: u64,
+}
+
+/// Plans touches; also a JSON summary, and what the report is made of.
+#[pyfunction]
+pub fn _plan<'py>(
+    py: Python<'py>,
+    machine: Machine,
+    given: &Bound<'py, PyDict>,
     progress: Option<Py<PyAny>>,
 ) -> Result<(Touches<'py>, String, PyTold)> {
-    let (criterion, whole_workspace) = criterion(best)?;
-    let sphere = sphere(in_sphere)?;
-    let (robot, cell) = read(&robot, &cell)?;
-    let n = robot.dof();
-    let start: Joints = match start {
+    let given: PlanKeywords<'_> = keywords(given)?;
+    let (criterion, whole_workspace) = criterion(&given.criterion)?;
+    let sphere = sphere(given.sphere)?;
+    let (robot, cell) = read(&machine)?;
+    let start: Joints = match &given.start {
         None => usual_start(&robot),
-        Some(q) => Known::new(q, n, &Beside::default())?.states()?.at(0).q,
+        Some(q) => one_pose(q, &robot)?,
     };
     let model = model_of_touches(&robot, &cell, usual_set(&robot))?;
     let options = PlanOptions {
-        per_ball,
-        pool_per_ball: pool.max(per_ball),
-        seed,
+        per_ball: given.per_ball,
+        pool_per_ball: given.pool.max(given.per_ball),
+        seed: given.seed,
         criterion,
         whole_workspace,
         sphere,
-        max_tilt_rad: max_tilt,
-        noise_m: noise,
+        max_tilt_rad: given.max_tilt,
+        noise_m: given.noise,
         parameters: Some(model.terms.clone()),
         start: Some(start),
         ..PlanOptions::default()
@@ -121,20 +127,26 @@ pub fn _plan<'py>(
     Ok((arrays, said, PyTold(Kept::Planned(Box::new((robot, cell, told))))))
 }
 
-/// Poses free of collisions, in a sphere or in the whole workspace: joints (n, joints).
-#[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "keywords of the public function")]
-pub fn _poses<'py>(
-    py: Python<'py>,
-    robot: RobotArgument,
-    cell: CellArgument,
-    n: usize,
-    in_sphere: Option<[f64; 4]>,
+/// Keywords of `trical.poses`.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct PosesKeywords {
+    sphere: Option<[f64; 4]>,
     facing: Option<[f64; 3]>,
     facing_axis: [f64; 3],
     facing_within: f64,
     seed: u64,
+}
+
+/// Poses free of collisions, in a sphere or in the whole workspace: joints (n, joints).
+#[pyfunction]
+pub fn _poses<'py>(
+    py: Python<'py>,
+    n: usize,
+    machine: Machine,
+    given: &Bound<'py, PyDict>,
 ) -> Result<Bound<'py, PyArray2<f64>>> {
+    let PosesKeywords { sphere: in_sphere, facing, facing_axis, facing_within, seed } = keywords(given)?;
     let sphere = sphere(in_sphere)?;
     let axis_in_tool = Vector3::from(facing_axis);
     if facing.is_some() && axis_in_tool.norm() < 1e-9 {
@@ -145,7 +157,7 @@ pub fn _poses<'py>(
         axis_in_tool,
         within_rad: facing_within,
     });
-    let (robot, cell) = read(&robot, &cell)?;
+    let (robot, cell) = read(&machine)?;
     let poses = long(py, None, |_| -> Result<Vec<Joints>> {
         let model = CollisionModel::new(&robot, &cell)?;
         let options = ValidationOptions { seed, facing, ..ValidationOptions::default() };
@@ -172,26 +184,41 @@ fn counted(value: &Bound<'_, PyAny>, name: &str, n: usize) -> PyResult<Vec<usize
         .collect()
 }
 
+/// Keywords of `trical.simulate`, but for what is measured.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct SimulateKeywords<'py> {
+    noise: f64,
+    angle_noise: f64,
+    seed: u64,
+    stop_within: Option<f64>,
+    directions: Option<Bound<'py, PyAny>>,
+    temperature: Option<Bound<'py, PyAny>>,
+    time: Option<Bound<'py, PyAny>>,
+    payload: Option<Bound<'py, PyAny>>,
+}
+
 /// Simulates a recording.
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "keywords of the public function")]
 pub fn _simulate(
     py: Python<'_>,
     model: &Bound<'_, PyModel>,
     q: &Bound<'_, PyAny>,
     kind: &str,
     number: Option<&Bound<'_, PyAny>>,
-    noise: f64,
-    angle_noise: f64,
-    seed: u64,
-    stop_within: Option<f64>,
-    directions: Option<&Bound<'_, PyAny>>,
-    temperature: Option<&Bound<'_, PyAny>>,
-    time: Option<&Bound<'_, PyAny>>,
-    payload: Option<&Bound<'_, PyAny>>,
+    given: &Bound<'_, PyDict>,
 ) -> Result<PyRows> {
+    let SimulateKeywords { noise, angle_noise, seed, stop_within, directions, temperature, time, payload } =
+        keywords(given)?;
     let model = model.get().file.model.clone();
-    let known = Known::new(q, model.robot.dof(), &Beside { directions, time, seq: None, temperature, payload })?;
+    let beside = Beside {
+        directions: directions.as_ref(),
+        time: time.as_ref(),
+        seq: None,
+        temperature: temperature.as_ref(),
+        payload: payload.as_ref(),
+    };
+    let known = Known::new(q, model.robot.dof(), &beside)?;
     let states = known.states()?;
     let n = states.len();
     let numbers = number.map(|b| counted(b, kind, n)).transpose()?.unwrap_or_else(|| vec![0; n]);
@@ -217,15 +244,14 @@ pub fn _simulate(
 pub fn _observability(
     py: Python<'_>,
     recordings: Vec<RecordingArgument>,
-    robot: RobotArgument,
-    cell: CellArgument,
+    machine: Machine,
     joints: &str,
     set: &str,
     noise: Option<f64>,
 ) -> Result<String> {
     let (joints, set) = (source(joints)?.unwrap_or(JointSource::Read), parameter_set(set)?);
     let value = long(py, None, |_| -> Result<Value> {
-        let (robot, cell) = read(&robot, &cell)?;
+        let (robot, cell) = read(&machine)?;
         let data = Dataset::build(&read_all(&recordings, &robot)?, joints, None)?;
         let mut model = Model::nominal(robot, cell);
         model.frames = vec![Pose::identity(); data.frames()];

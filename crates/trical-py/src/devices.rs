@@ -7,6 +7,7 @@ use std::time::Duration;
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use trical_device::controller::trial::{Jog, JogError, check_speed, ping};
 use trical_device::controller::wait_settled;
 use trical_device::gauge::trial::{Mastering, Trial, master, stem_answers, trial};
@@ -14,6 +15,7 @@ use trical_device::gauge::{list_ports, settled_reading};
 use trical_device::{Controller, Gauge, open_controller, open_gauge};
 use trical_model::Joints;
 
+use crate::arguments::keywords;
 use crate::errors::{Result, bad};
 use crate::machine::RobotArgument;
 use crate::watched::watched;
@@ -158,6 +160,20 @@ fn refused(e: &JogError) -> PyErr {
     })
 }
 
+/// Keywords of `trical.Controller.jog`.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct JogKeywords {
+    /// Number of the joint, from 1, and by how much it goes on.
+    joint: Option<(usize, f64)>,
+    to: Option<Vec<f64>>,
+    tool: Option<[f64; 3]>,
+    max_angle: f64,
+    speed: f64,
+    robot: Option<RobotArgument>,
+    go: bool,
+}
+
 #[pymethods]
 impl PyControllerLink {
     /// Opens a controller.
@@ -208,18 +224,8 @@ impl PyControllerLink {
     }
 
     /// Moves a little, or with `go` false says where to: joints before and after, (joints,) rad (m).
-    #[expect(clippy::too_many_arguments, reason = "keywords of the public function")]
-    fn jog<'py>(
-        &self,
-        py: Python<'py>,
-        joint: Option<(usize, f64)>,
-        to: Option<Vec<f64>>,
-        tool: Option<[f64; 3]>,
-        max_angle: f64,
-        speed: f64,
-        robot: Option<RobotArgument>,
-        go: bool,
-    ) -> Result<Jogged<'py>> {
+    fn jog<'py>(&self, py: Python<'py>, given: &Bound<'py, PyDict>) -> Result<Jogged<'py>> {
+        let JogKeywords { joint, to, tool, max_angle, speed, robot, go } = keywords(given)?;
         let jog = match (joint, to, tool) {
             (Some((0, _)), None, None) => {
                 return Err(bad("joint: found 0, expected 1 or more").into());

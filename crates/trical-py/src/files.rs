@@ -3,11 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use serde_json::{Value, json};
 use trical_model::urdf::UrdfPath;
 use trical_recording::{is_mcap, open_damaged, output, read_recording};
 use trical_report::{ErrorMap, Export};
 
+use crate::arguments::keywords;
 use crate::errors::{Result, bad, check, write};
 use crate::long::long;
 use crate::machine::{PyCell, PyRobot, RobotArgument};
@@ -34,20 +36,27 @@ pub fn _convert(py: Python<'_>, input: PathBuf, output: PathBuf, joints: Option<
     Ok(said.to_string())
 }
 
-/// Writes a model for other programs; returns the command's JSON.
-#[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "keywords of the public function")]
-pub fn _export(
-    py: Python<'_>,
-    model: &Bound<'_, PyModel>,
-    path: Option<PathBuf>,
+/// Keywords of `trical.export`.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct ExportKeywords {
     robot: Option<RobotArgument>,
     urdf: Option<PathBuf>,
     mdh: Option<PathBuf>,
     error_map: Option<PathBuf>,
     ur_kinematics: Option<PathBuf>,
     poses: usize,
+}
+
+/// Writes a model, of the file `path` where it is of one, for other programs; returns the command's JSON.
+#[pyfunction]
+pub fn _export(
+    py: Python<'_>,
+    model: &Bound<'_, PyModel>,
+    path: Option<PathBuf>,
+    given: &Bound<'_, PyDict>,
 ) -> Result<String> {
+    let ExportKeywords { robot, urdf, mdh, error_map, ur_kinematics, poses } = keywords(given)?;
     let outs = [("urdf", &urdf), ("mdh", &mdh), ("error_map", &error_map), ("ur_kinematics", &ur_kinematics)];
     let outs: Vec<(&str, &Path)> = outs.iter().filter_map(|(name, out)| Some((*name, out.as_deref()?))).collect();
     output::check_apart(&outs).map_err(bad)?;

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use serde_json::{Value, json};
 use trical_diagnose::effects::EFFECTS;
 use trical_diagnose::{Diagnosis, EffectId, diagnose_recordings, verdict};
@@ -19,11 +20,11 @@ use trical_recording::{CsvStream, RecordError, open_large};
 use trical_report::deciding::plan_next;
 use trical_report::verdict_told;
 
-use crate::arguments::{parameter_set, source};
+use crate::arguments::{keywords, parameter_set, source};
 use crate::designs::{Touches, touches};
 use crate::errors::{RecordingError, Result, bad};
 use crate::long::long;
-use crate::machine::{CellArgument, RobotArgument, read};
+use crate::machine::{CellArgument, Machine, RobotArgument, read};
 use crate::model::PyModel;
 use crate::rows::{PyRows, RecordingArgument, read_all};
 use crate::told::{Kept, PyTold};
@@ -38,7 +39,7 @@ fn square(values: &[f64], p: usize) -> Array2<f64> {
 }
 
 /// The recordings to be read in passes, where they are large files that can be, or this is asked for.
-fn stream(recordings: &[RecordingArgument], robot: &Robot, asked: &Options, wanted: bool) -> Result<Option<CsvStream>> {
+fn passes(recordings: &[RecordingArgument], robot: &Robot, asked: &Options, wanted: bool) -> Result<Option<CsvStream>> {
     let scored = asked.folds.is_some() || asked.hold_out_last.is_some();
     if wanted && scored {
         return Err(bad("stream goes without folds and hold_out_last: these need all rows at once").into());
@@ -62,40 +63,47 @@ fn stream(recordings: &[RecordingArgument], robot: &Robot, asked: &Options, want
 /// report is made of.
 type Fit<'py> = (PyModel, String, Option<Bound<'py, PyArray2<f64>>>, Bound<'py, PyArray2<f64>>, PyTold);
 
-/// Identifies.
-#[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "keywords of the public function")]
-pub fn _identify<'py>(
-    py: Python<'py>,
-    recordings: Vec<RecordingArgument>,
-    robot: RobotArgument,
-    cell: CellArgument,
-    joints: &str,
-    model: &str,
+/// Keywords of `trical.identify`.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct IdentifyKeywords {
+    joints: String,
+    model: String,
     compliant: Vec<usize>,
     folds: Option<usize>,
     hold_out_last: Option<usize>,
     keep_outliers: bool,
-    tool: &str,
-    in_stream: bool,
+    tool: String,
+    stream: bool,
     known: Option<PathBuf>,
+}
+
+/// Identifies.
+#[pyfunction]
+pub fn _identify<'py>(
+    py: Python<'py>,
+    recordings: Vec<RecordingArgument>,
+    machine: Machine,
+    given: &Bound<'py, PyDict>,
     progress: Option<Py<PyAny>>,
 ) -> Result<Fit<'py>> {
-    let (joints, set, tool) = (source(joints)?, parameter_set(model)?, sharing(tool)?);
-    if in_stream && known.is_some() {
+    let IdentifyKeywords { joints, model, compliant, folds, hold_out_last, keep_outliers, tool, stream, known } =
+        keywords(given)?;
+    let (joints, set, tool) = (source(&joints)?, parameter_set(&model)?, sharing(&tool)?);
+    if stream && known.is_some() {
         return Err(
             bad("known with stream=True; expected one of them, since files are read in passes without priors").into()
         );
     }
     let found = long(py, progress, |task| -> Result<Calibration> {
-        let (robot, cell) = read(&robot, &cell)?;
+        let (robot, cell) = read(&machine)?;
         let choice = Choice::new(set, &compliant, robot.dof())
             .map_err(|e| bad(e.to_string().replace("--compliant", "compliant")))?
             .knowing(known.as_deref().map(KnownParameters::load).transpose()?.unwrap_or_default());
         let options = Options { choice, joints, folds, hold_out_last, keep_outliers, tool };
         task.step(0.0, "reading")?;
         if known.is_none()
-            && let Some(passes) = stream(&recordings, &robot, &options, in_stream)?
+            && let Some(passes) = passes(&recordings, &robot, &options, stream)?
         {
             return Ok(calibrate_stream(&robot, &cell, &passes, &options, task)?);
         }
@@ -146,24 +154,30 @@ fn next_touches(
 /// report is made of.
 type Diagnosed<'py> = (PyModel, String, Bound<'py, PyArray2<f64>>, Option<(Touches<'py>, String)>, PyTold);
 
+/// Keywords of `trical.diagnose`.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct DiagnoseKeywords {
+    joints: String,
+    names_only: bool,
+    tool: String,
+    next: Option<usize>,
+    known: Option<PathBuf>,
+}
+
 /// Diagnoses.
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "the keywords of trical.diagnose")]
 pub fn _diagnose<'py>(
     py: Python<'py>,
     recordings: Vec<RecordingArgument>,
-    robot: RobotArgument,
-    cell: CellArgument,
-    joints: &str,
-    names_only: bool,
-    tool: &str,
-    next: Option<usize>,
-    known: Option<PathBuf>,
+    machine: Machine,
+    given: &Bound<'py, PyDict>,
     progress: Option<Py<PyAny>>,
 ) -> Result<Diagnosed<'py>> {
+    let DiagnoseKeywords { joints, names_only, tool, next, known } = keywords(given)?;
     let known = known.as_deref().map(KnownParameters::load).transpose()?.unwrap_or_default();
-    let options = trical_diagnose::Options { joints: source(joints)?, names_only, tool: sharing(tool)?, known };
-    let (robot, cell) = read(&robot, &cell)?;
+    let options = trical_diagnose::Options { joints: source(&joints)?, names_only, tool: sharing(&tool)?, known };
+    let (robot, cell) = read(&machine)?;
     if next.is_some() && !cell.balls_fix_base(|_| true) {
         return Err(bad(
             "next: expected three [balls] in the cell that are not on one line; where others stand is not known beforehand",
@@ -191,28 +205,34 @@ pub fn _diagnose<'py>(
     Ok((PyModel::new(file)?, text, errors.into_pyarray(py), planned, PyTold(told)))
 }
 
+/// Keywords of `trical.validate`.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct ValidateKeywords {
+    joints: Option<String>,
+    refit: Vec<String>,
+}
+
 /// Scores a model; returns a JSON summary, position errors before and after (n, 2) in mm, and what the report is made of.
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "keywords of the public function")]
 pub fn _validate<'py>(
     py: Python<'py>,
     model: &Bound<'py, PyModel>,
     recordings: Vec<RecordingArgument>,
-    robot: RobotArgument,
-    cell: CellArgument,
-    joints: Option<&str>,
-    refit: Vec<String>,
+    machine: Machine,
+    given: &Bound<'py, PyDict>,
     progress: Option<Py<PyAny>>,
 ) -> Result<(String, Bound<'py, PyArray2<f64>>, PyTold)> {
+    let ValidateKeywords { joints, refit } = keywords(given)?;
     let file = model.get().file.clone();
-    let joints = joints.map(source).transpose()?.flatten();
+    let joints = joints.as_deref().map(source).transpose()?.flatten();
     if let Some(other) = refit.iter().find(|w| !["frame", "targets"].contains(&w.as_str())) {
         return Err(bad(format!("refit holds '{other}', expected 'frame' and perhaps 'targets'")).into());
     }
     let has = |what: &str| refit.iter().any(|w| w == what);
     let refit = (!refit.is_empty()).then(|| Refit { frame: has("frame"), targets: has("targets") });
     let (text, errors, told) = long(py, progress, |task| -> Result<_> {
-        let (robot, cell) = read(&robot, &cell)?;
+        let (robot, cell) = read(&machine)?;
         file.require_robot(&robot, "the model")?;
         task.step(0.0, "reading")?;
         let recordings = read_all(&recordings, &robot)?;

@@ -11,7 +11,7 @@ use trical_plan::geometry::mesh::resolve_meshes;
 use trical_report::table::counted;
 
 use crate::arguments::path_of;
-use crate::errors::{Failed, Result, bad, write};
+use crate::errors::{Result, bad, write};
 
 /// A nominal arm: modified Denavit-Hartenberg parameters, limits, masses.
 #[pyclass(name = "Robot", module = "trical", frozen)]
@@ -214,7 +214,10 @@ impl CellArgument {
     }
 }
 
+/// An arm and its cell, each an object or a file.
+pub type Machine = (RobotArgument, CellArgument);
+
 /// Both.
-pub fn read(robot: &RobotArgument, cell: &CellArgument) -> std::result::Result<(Robot, Cell), Failed> {
+pub fn read((robot, cell): &Machine) -> Result<(Robot, Cell)> {
     Ok((robot.read()?, cell.read()?))
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use trical_device::procedure::stride;
 use trical_device::session::{SessionError, Settings, Told, base, now_ns, tool_point};
 use trical_device::{PlanEntry, Progress, RunReport, Session, visits};
@@ -13,15 +14,49 @@ use trical_model::{Cell, Joints, Measured, Recording, Robot, Row};
 use trical_plan::{MotionGuard, read_plan};
 use trical_recording::RecordingWriter;
 
+use crate::arguments::keywords;
 use crate::errors::{Failed, MeasuringError, Result, bad};
-use crate::machine::{CellArgument, PyCell, RobotArgument, read};
+use crate::machine::{Machine, PyCell, read};
 use crate::rows::PyRows;
-use crate::watched::{Tell, watched};
+use crate::watched::{End, Tell, watched};
 
-/// How to measure, as keywords of the public functions; SI.
+/// With what to measure, and where to: keywords of `trical.measure` and `trical.touch_here`.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct SettingsArgument {
+struct DeviceKeywords {
+    out: PathBuf,
+    gauge: String,
+    controller: String,
+    go: bool,
+    resume: bool,
+}
+
+impl DeviceKeywords {
+    /// A session of no touches, in which the arm may move anywhere.
+    fn session<'a>(&'a self, (robot, cell): &'a (Robot, Cell), settings: &'a Settings, end: &'a End) -> Session<'a> {
+        Session {
+            robot,
+            cell,
+            plan: &[],
+            stride: None,
+            gauge: &self.gauge,
+            controller: &self.controller,
+            out: &self.out,
+            resume: self.resume,
+            go: self.go,
+            settings,
+            start_ns: now_ns(),
+            guard: &|_, _, _| Ok(()),
+            cancel: &end.asked,
+            stops: Some(Arc::clone(&end.stops)),
+        }
+    }
+}
+
+/// How to measure: keywords of `trical.measure` and `trical.touch_here`, SI.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct SettingsKeywords {
     epsilon: f64,
     repeatability: f64,
     visits: u32,
@@ -35,7 +70,7 @@ pub struct SettingsArgument {
     payload: Option<f64>,
 }
 
-impl SettingsArgument {
+impl SettingsKeywords {
     fn read(self) -> PyResult<Settings> {
         for (name, value, unit) in [
             ("epsilon", self.epsilon, "m"),
@@ -126,43 +161,25 @@ fn ran(report: RunReport) -> Ran {
 
 /// Drives through a plan.
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "keywords of the public function")]
 pub fn _measure(
     py: Python<'_>,
     plan: PlanArgument,
-    out: PathBuf,
-    robot: RobotArgument,
-    cell: CellArgument,
-    gauge: String,
-    controller: String,
-    resume: bool,
-    go: bool,
-    settings: SettingsArgument,
+    machine: Machine,
+    given: &Bound<'_, PyDict>,
     progress: Option<Py<PyAny>>,
 ) -> Result<Ran> {
-    let settings = settings.read()?;
+    let devices: DeviceKeywords = keywords(given)?;
+    let settings = keywords::<SettingsKeywords>(given)?.read()?;
     let report = watched(py, progress, |end, tell| {
-        let (robot, cell) = read(&robot, &cell)?;
-        let plan = plan.read(&robot, &cell)?;
+        let machine = read(&machine)?;
+        let (robot, cell) = &machine;
+        let plan = plan.read(robot, cell)?;
         let round = Some(stride(&plan));
         let plan = visits(&plan, settings.visits as usize);
-        let guard = MotionGuard::new(&robot, &cell)?;
-        let session = Session {
-            robot: &robot,
-            cell: &cell,
-            plan: &plan,
-            stride: round,
-            gauge: &gauge,
-            controller: &controller,
-            out: &out,
-            resume,
-            go,
-            settings: &settings,
-            start_ns: now_ns(),
-            guard: &|from: &Joints, to: &Joints, touched| guard.check(from, to, touched),
-            cancel: &end.asked,
-            stops: Some(Arc::clone(&end.stops)),
-        };
+        let guard = MotionGuard::new(robot, cell)?;
+        let guard = |from: &Joints, to: &Joints, touched| guard.check(from, to, touched);
+        let any = devices.session(&machine, &settings, end);
+        let session = Session { plan: &plan, stride: round, guard: &guard, ..any };
         let mut told = Told::default();
         let report = session.perform(&mut retell(&mut told, tell)).map_err(ended)?;
         if let Some(step) = report.steps.iter().find(|step| step.contains("REFUSED")) {
@@ -175,42 +192,24 @@ pub fn _measure(
 
 /// Touches a ball (from 0) where the arm stands, into a recording that is begun or gone on with.
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "keywords of the public function")]
 pub fn _touch_here(
     py: Python<'_>,
     ball: usize,
-    out: PathBuf,
-    robot: RobotArgument,
-    cell: CellArgument,
-    gauge: String,
-    controller: String,
-    settings: SettingsArgument,
+    machine: Machine,
+    given: &Bound<'_, PyDict>,
     progress: Option<Py<PyAny>>,
 ) -> Result<PyRows> {
-    let settings = settings.read()?;
+    let devices: DeviceKeywords = keywords(given)?;
+    let settings = keywords::<SettingsKeywords>(given)?.read()?;
     let recording = watched(py, progress, |end, tell| {
-        let (robot, cell) = read(&robot, &cell)?;
+        let machine = read(&machine)?;
+        let ((robot, cell), out) = (&machine, &devices.out);
         if ball >= cell.balls.len() {
             return Err(bad(format!("ball is {}, expected 1 to {}", ball + 1, cell.balls.len())).into());
         }
-        let session = Session {
-            robot: &robot,
-            cell: &cell,
-            plan: &[],
-            stride: None,
-            gauge: &gauge,
-            controller: &controller,
-            out: &out,
-            resume: out.exists(),
-            go: true,
-            settings: &settings,
-            start_ns: now_ns(),
-            // a person brought the arm where it stands
-            guard: &|_, _, _| Ok(()),
-            cancel: &end.asked,
-            stops: Some(Arc::clone(&end.stops)),
-        };
-        let (mut log, before) = RecordingWriter::resume(&out, &session.header())?;
+        // no guard: a person brought the arm where it stands
+        let session = devices.session(&machine, &settings, end);
+        let (mut log, before) = RecordingWriter::resume(out, &session.header())?;
         let index = before.iter().flat_map(|b| &b.recording.rows).filter_map(|r| r.seq).max().map_or(0, |s| s + 1);
         let mut told = Told::default();
         let row = session.touch_here(&mut log, ball, index, &mut retell(&mut told, tell));
@@ -234,8 +233,8 @@ fn touches(rows: &PyRows) -> Result<Vec<(usize, Row)>> {
 
 /// The cell with the tool point that touches of one ball say, how well they agree, m.
 #[pyfunction]
-pub fn _tool_point(recording: &Bound<'_, PyRows>, robot: RobotArgument, cell: CellArgument) -> Result<(PyCell, f64)> {
-    let (robot, mut cell) = read(&robot, &cell)?;
+pub fn _tool_point(recording: &Bound<'_, PyRows>, machine: Machine) -> Result<(PyCell, f64)> {
+    let (robot, mut cell) = read(&machine)?;
     let touches = touches(recording.get())?;
     if let [(first, _), rest @ ..] = touches.as_slice()
         && let Some((other, _)) = rest.iter().find(|(ball, _)| ball != first)
@@ -254,8 +253,8 @@ type Apart = (usize, usize, f64, f64);
 
 /// The cell with the base that the last touches of balls 1, 2 and 3 say, and how far the balls are apart.
 #[pyfunction]
-pub fn _base(recording: &Bound<'_, PyRows>, robot: RobotArgument, cell: CellArgument) -> Result<(PyCell, Vec<Apart>)> {
-    let (robot, mut cell) = read(&robot, &cell)?;
+pub fn _base(recording: &Bound<'_, PyRows>, machine: Machine) -> Result<(PyCell, Vec<Apart>)> {
+    let (robot, mut cell) = read(&machine)?;
     let touches = touches(recording.get())?;
     let of = |k: usize| {
         let row = touches.iter().rev().find(|(ball, _)| *ball == k).map(|(_, row)| row);

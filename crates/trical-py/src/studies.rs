@@ -1,19 +1,20 @@
 //! Whole calibrations by simulation.
 
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use trical_report::study::{Common, Platforms, Study, platforms, touches};
 
-use crate::arguments::parameter_set;
+use crate::arguments::{keywords, parameter_set};
 use crate::designs::criterion;
 use crate::errors::Result;
 use crate::long::long;
-use crate::machine::{CellArgument, RobotArgument, read};
+use crate::machine::{Machine, read};
 use crate::told::{Kept, PyTold};
 
-/// What all studies share, as keywords of the public functions.
+/// Keywords that all studies share.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct CommonArgument {
+struct CommonKeywords {
     trials: u64,
     seed: u64,
     pool: usize,
@@ -27,7 +28,7 @@ pub struct CommonArgument {
     ballbar_mm: f64,
 }
 
-impl CommonArgument {
+impl CommonKeywords {
     fn read(self) -> PyResult<Common> {
         let (criterion, whole_workspace) = criterion(&self.criterion)?;
         Ok(Common {
@@ -47,6 +48,17 @@ impl CommonArgument {
     }
 }
 
+/// Keywords of `trical.study_platforms` beside them.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct PlatformKeywords {
+    touches: usize,
+    balls: Vec<usize>,
+    side_mm: Vec<f64>,
+    height_mm: Vec<f64>,
+    raise_mm: Vec<f64>,
+}
+
 /// What its report is made of; table, CSV, SVG, verdict, notes, JSON text.
 type Told = (PyTold, Vec<Vec<String>>, String, String, String, Vec<String>, String);
 
@@ -61,34 +73,27 @@ fn told(study: Study) -> Told {
 #[pyfunction]
 pub fn _study_touches(
     py: Python<'_>,
-    robot: RobotArgument,
-    cell: CellArgument,
-    common: CommonArgument,
+    machine: Machine,
     per_ball: Vec<usize>,
+    given: &Bound<'_, PyDict>,
     progress: Option<Py<PyAny>>,
 ) -> Result<Told> {
-    let common = common.read()?;
-    let (robot, cell) = read(&robot, &cell)?;
+    let common = keywords::<CommonKeywords>(given)?.read()?;
+    let (robot, cell) = read(&machine)?;
     Ok(told(long(py, progress, |task| touches(&robot, &cell, &common, &per_ball, task))?))
 }
 
 /// Platforms of balls compared.
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "keywords of the public function")]
 pub fn _study_platforms(
     py: Python<'_>,
-    robot: RobotArgument,
-    cell: CellArgument,
-    common: CommonArgument,
-    touches: usize,
-    balls: Vec<usize>,
-    side_mm: Vec<f64>,
-    height_mm: Vec<f64>,
-    raise_mm: Vec<f64>,
+    machine: Machine,
+    given: &Bound<'_, PyDict>,
     progress: Option<Py<PyAny>>,
 ) -> Result<Told> {
-    let common = common.read()?;
-    let (robot, cell) = read(&robot, &cell)?;
+    let common = keywords::<CommonKeywords>(given)?.read()?;
+    let PlatformKeywords { touches, balls, side_mm, height_mm, raise_mm } = keywords(given)?;
+    let (robot, cell) = read(&machine)?;
     let asked = Platforms { touches, balls, side_mm, height_mm, raise_mm };
     Ok(told(long(py, progress, |task| platforms(&robot, &cell, &common, &asked, task))?))
 }

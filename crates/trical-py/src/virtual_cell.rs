@@ -5,15 +5,17 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use trical_device::virtual_cell::{Unsettled, fault_script};
 use trical_device::{ArmPlant, CellOptions, VirtualCell};
 use trical_diagnose::truth::{draw_truth, hide};
 use trical_ident::{ModelFile, model_of_touches, usual_set};
 use trical_model::MAX_JOINTS;
 
-use crate::arrays::{Beside, Known};
+use crate::arguments::keywords;
+use crate::arrays::one_pose;
 use crate::errors::{Result, bad};
-use crate::machine::{CellArgument, RobotArgument, read};
+use crate::machine::{Machine, read};
 use crate::model::PyModel;
 
 /// A robot, balls and indicators that answer on a pseudo-terminal and a TCP port of this computer, until `stop`.
@@ -116,50 +118,53 @@ impl PyVirtualCell {
     }
 }
 
-/// Starts a virtual cell.
-#[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "keywords of the public function")]
-pub fn _virtual_cell(
-    py: Python<'_>,
-    robot: RobotArgument,
-    cell: CellArgument,
-    truth: Option<&Bound<'_, PyModel>>,
+/// Keywords of `trical.virtual_cell`.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct CellKeywords<'py> {
+    truth: Option<Bound<'py, PyModel>>,
     seed: u64,
+    hide: Vec<String>,
     port: u16,
-    hidden: Vec<String>,
     faults: Option<PathBuf>,
     pace: f64,
     radio_delay: f64,
     unsettled: Option<[f64; 3]>,
     noise: f64,
     placement: f64,
-    start: Option<&Bound<'_, PyAny>>,
-) -> Result<PyVirtualCell> {
+    start: Option<Bound<'py, PyAny>>,
+}
+
+/// Starts a virtual cell.
+#[pyfunction]
+pub fn _virtual_cell(py: Python<'_>, machine: Machine, given: &Bound<'_, PyDict>) -> Result<PyVirtualCell> {
+    let given: CellKeywords<'_> = keywords(given)?;
     for (name, value, most, unit) in [
-        ("pace", pace, 100.0, ""),
-        ("radio_delay", radio_delay, 60.0, " s"),
-        ("noise", noise, 0.01, " m"),
-        ("placement", placement, 0.01, " m"),
+        ("pace", given.pace, 100.0, ""),
+        ("radio_delay", given.radio_delay, 60.0, " s"),
+        ("noise", given.noise, 0.01, " m"),
+        ("placement", given.placement, 0.01, " m"),
     ] {
         if !(0.0..=most).contains(&value) {
             return Err(bad(format!("{name} is {value}, expected 0 to {most}{unit}")).into());
         }
     }
-    let unsettled = match unsettled {
+    let unsettled = match given.unsettled {
         None => None,
         Some([joint, indicator, time]) if time > 0.0 => Some(Unsettled { joint, indicator, time }),
         Some([.., time]) => {
             return Err(bad(format!("unsettled has a time constant of {time} s, expected more than 0")).into());
         }
     };
-    let (robot, cell) = read(&robot, &cell)?;
-    let start = match start {
+    let (robot, cell) = read(&machine)?;
+    let start = match &given.start {
         None => [0.0; MAX_JOINTS],
-        Some(q) => Known::new(q, robot.dof(), &Beside::default())?.states()?.at(0).q,
+        Some(q) => one_pose(q, &robot)?,
     };
-    let given = truth.map(|t| t.get().file.clone());
+    let truth = given.truth.map(|t| t.get().file.clone());
+    let CellKeywords { seed, hide: hidden, port, faults, pace, radio_delay, noise, placement, .. } = given;
     py.detach(|| {
-        let mut truth = match given {
+        let mut truth = match truth {
             Some(file) => {
                 file.require_robot(&robot, "truth")?;
                 file.model

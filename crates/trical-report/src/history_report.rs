@@ -100,24 +100,33 @@ pub fn told(h: &History) -> Vec<String> {
     h.sessions.iter().filter_map(line).chain(doubts).collect()
 }
 
-/// A row for each recording: those of the fit first.
-fn sessions(h: &History) -> Vec<Vec<String>> {
+/// A row for each recording, those of the fit first: recording, day, measurements, temperature in degC, mean error in mm, what changed.
+#[must_use]
+pub fn rows(h: &History) -> Vec<[String; 6]> {
     let day = |d: Option<f64>| d.map_or_else(|| "-".into(), |d| format!("{d:.0}"));
     let temp = |t: Option<f64>| t.map_or_else(|| "-".into(), |t| format!("{t:.1}"));
-    let mut rows = vec![row(["session", "day", "measurements", "degC", "mean, mm", "what changed"])];
     let line = |name: &str, day: String, n: usize, t: Option<f64>, mean: f64, changed: String| {
-        vec![name.to_owned(), day, n.to_string(), temp(t), format!("{mean:.3}"), changed]
+        [name.to_owned(), day, n.to_string(), temp(t), format!("{mean:.3}"), changed]
     };
-    rows.extend(h.learnt.iter().map(|b| {
+    let learnt = h.learnt.iter().map(|b| {
         let said = "(the calibration was fitted to it)".to_owned();
         line(&b.recording, day(b.day), b.measurements, b.temp_c, b.mean_mm, said)
-    }));
-    rows.extend(h.sessions.iter().enumerate().map(|(k, s)| {
+    });
+    let later = h.sessions.iter().enumerate().map(|(k, s)| {
         let on = day(h.days.as_ref().and_then(|d| d.get(k).copied()));
         line(&s.recording, on, s.measurements, s.temp_c, s.mean_mm, what_changed(s))
-    }));
-    rows.iter_mut().enumerate().skip(1).for_each(|(k, row)| row[0] = format!("{k}. {}", row[0]));
-    rows
+    });
+    learnt.chain(later).collect()
+}
+
+/// The same with a header and numbers, for the report.
+fn sessions(h: &History) -> Vec<Vec<String>> {
+    let header = row(["session", "day", "measurements", "degC", "mean, mm", "what changed"]);
+    let numbered = rows(h)
+        .into_iter()
+        .zip(1..)
+        .map(|([name, rest @ ..], k)| std::iter::once(format!("{k}. {name}")).chain(rest).collect());
+    std::iter::once(header).chain(numbered).collect()
 }
 
 /// What the fit left in the recordings that it was made to, by their days or their numbers.
@@ -173,24 +182,7 @@ mod tests {
             by: Vec::new(),
             rivals: Vec::new(),
         };
-        let of = |changes| Comparison {
-            recording: "r.csv".into(),
-            hash: String::new(),
-            measurements: 10,
-            rejected: Vec::new(),
-            setup_of: None,
-            anew: Vec::new(),
-            verdict: "arm changed",
-            summary: String::new(),
-            doubt: None,
-            changes,
-            visible: Vec::new(),
-            mean_mm: 0.1,
-            noise_mm: 0.01,
-            more_noise: 1.0,
-            temp_c: None,
-            alone: Vec::new(),
-        };
+        let of = |changes| Comparison { verdict: "arm changed", changes, ..Comparison::default() };
         let sure = change("joint 3", Scope::Arm, 0.97);
         let touch = change("the measurement of line 7", Scope::Reading, 0.4);
         let said = what_changed(&of(vec![sure, touch]));

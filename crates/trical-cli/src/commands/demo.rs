@@ -17,7 +17,7 @@ use trical_plan::{
     CollisionModel, MotionGuard, PlanOptions, ValidationOptions, plan_touches, poses_in_sphere, poses_in_workspace,
     write_plan,
 };
-use trical_program::{Dialect, Frames, Options, Report, compensate};
+use trical_program::{Dialect, Frames, Options, Program, Report, compensate};
 use trical_recording::read_recording;
 use trical_report::plan_told::Told;
 use trical_report::{plan_report, table, verdict_told};
@@ -147,8 +147,8 @@ fn score(
 fn rewritten(text: &[u8], nominal: &Model, model: &Model, temp_c: Option<f64>) -> Result<(Vec<u8>, Report)> {
     let options = Options { model_name: "improved.toml".into(), details: true, temp_c, ..Options::default() };
     let mut out = Vec::new();
-    let (name, dialect, frames) = ("sample.mod", Dialect::Rapid, Frames::default());
-    let report = compensate(text, name, dialect, nominal, model, &frames, &options, &mut out);
+    let program = Program::of_file(text, "sample.mod", Dialect::Rapid, &mut out);
+    let report = compensate(program, nominal, model, &Frames::default(), &options);
     Ok((out, report.map_err(CliError::failed)?))
 }
 

@@ -55,18 +55,11 @@ pub fn run(args: &Args) -> Result<()> {
 
 fn print(h: &History) -> Result<()> {
     let mut rows = vec![["session", "day", "n", "degC", "mean, mm", "what changed"].map(String::from).to_vec()];
-    let day = |d: Option<f64>| d.map_or_else(|| "-".into(), |d| format!("{d:.0}"));
-    let temp = |t: Option<f64>| t.map_or_else(|| "-".into(), |t| format!("{t:.1}"));
-    let name = |r: &str| Path::new(r).file_name().map_or_else(|| r.to_owned(), |n| n.to_string_lossy().into_owned());
-    let mut row = |recording: &str, day: String, n: usize, t: Option<f64>, mean_mm: f64, changed: String| {
-        rows.push(vec![name(recording), day, n.to_string(), temp(t), format!("{mean_mm:.3}"), changed]);
-    };
-    for b in &h.learnt {
-        row(&b.recording, day(b.day), b.measurements, b.temp_c, b.mean_mm, "(the calibration was fitted to it)".into());
-    }
-    for (k, s) in h.sessions.iter().enumerate() {
-        let on = h.days.as_ref().and_then(|d| d.get(k).copied());
-        row(&s.recording, day(on), s.measurements, s.temp_c, s.mean_mm, history_report::what_changed(s));
+    for mut row in history_report::rows(h) {
+        if let Some(name) = Path::new(&row[0]).file_name() {
+            row[0] = name.to_string_lossy().into_owned();
+        }
+        rows.push(row.to_vec());
     }
     say_lines(table::lines(&rows))?;
     if h.days.is_none() {

@@ -31,8 +31,7 @@ const LONGEST_STEP_S: f64 = 86_400.0;
 /// device.
 pub fn run(
     plan: &[PlanEntry],
-    gauge: &mut dyn Gauge,
-    controller: &mut dyn Controller,
+    (gauge, controller): (&mut dyn Gauge, &mut dyn Controller),
     log: &mut dyn RunLog,
     options: &ProcedureOptions<'_>,
     cancel: &AtomicBool,

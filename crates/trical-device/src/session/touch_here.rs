@@ -85,7 +85,7 @@ impl Session<'_> {
             }
             watch(p);
         };
-        run(&[entry], gauge.as_mut(), controller.as_mut(), log, &options, self.cancel, &mut note)
+        run(&[entry], (gauge.as_mut(), controller.as_mut()), log, &options, self.cancel, &mut note)
             .map_err(SessionError::Run)?;
         found.ok_or_else(|| SessionError::Run(ProcedureError::Options("no touch was recorded".to_owned())))
     }

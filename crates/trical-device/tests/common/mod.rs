@@ -137,7 +137,7 @@ impl Bench {
     pub fn run(&mut self, plan: &[PlanEntry], options: &ProcedureOptions<'_>) -> Result<RunReport, ProcedureError> {
         let cancel = AtomicBool::new(false);
         let events = &mut self.events;
-        run(plan, self.gauge.as_mut(), self.controller.as_mut(), &mut self.rows, options, &cancel, &mut |event| {
+        run(plan, (self.gauge.as_mut(), self.controller.as_mut()), &mut self.rows, options, &cancel, &mut |event| {
             events.push(event);
         })
     }

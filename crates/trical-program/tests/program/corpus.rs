@@ -12,7 +12,7 @@ mod urscript;
 
 use trical_model::Model;
 use trical_model::pose::{angles_zyx, rotation_vector};
-use trical_program::{Dialect, Frames, Options, compensate};
+use trical_program::{Dialect, Frames, Options, Program, compensate};
 
 use crate::fixtures::{IRB, KR6, LR, UR5E, device, flange, joints, mm, nominal, pose, quadrant, quaternion, real};
 use fanuc::FANUC;
@@ -106,7 +106,7 @@ fn what_is_said_in_two_ways_is_rewritten_alike() {
         let run = |text: &str| {
             let text = filled(text, *d, &nominal);
             let (model, frames, out) = (real(&nominal), Frames::default(), &mut Vec::new());
-            compensate(text.as_bytes(), "p", *d, &nominal, &model, &frames, &options, out).unwrap()
+            compensate(Program::of_file(text.as_bytes(), "p", *d, out), &nominal, &model, &frames, &options).unwrap()
         };
         let (one, other) = (run(text), run(plain));
         assert!(
@@ -142,7 +142,7 @@ fn each_construction_is_rewritten_or_listed() {
             let text = filled(case.text, d, &nominal);
             let options = Options { temp_c: Some(32.0), details: true, ..Options::default() };
             let run = |text: &[u8], model: &Model, out: &mut Vec<u8>| {
-                compensate(text, "p", d, &nominal, model, &Frames::default(), &options, out).unwrap()
+                compensate(Program::of_file(text, "p", d, out), &nominal, model, &Frames::default(), &options).unwrap()
             };
             let mut out = Vec::new();
             let report = run(text.as_bytes(), &real, &mut out);

@@ -16,7 +16,7 @@ use proptest::prelude::*;
 use trical_model::{
     Axis, Basis, Forward, MAX_JOINTS, Model, Motion, Shape, Site, State, Support, Term, Tool, Variable,
 };
-use trical_program::{Dialect, Frames, Options, ProgramError, Report, compensate};
+use trical_program::{Dialect, Frames, Options, Program, ProgramError, Report, compensate};
 
 fn options() -> Options {
     Options { temp_c: Some(32.0), details: true, model_name: "m.toml".into(), ..Options::default() }
@@ -24,13 +24,13 @@ fn options() -> Options {
 
 fn run(text: &[u8], d: Dialect, nominal: &Model, model: &Model, frames: &Frames) -> (Vec<u8>, Report) {
     let mut out = Vec::new();
-    let report = compensate(text, "p", d, nominal, model, frames, &options(), &mut out).unwrap();
+    let report = compensate(Program::of_file(text, "p", d, &mut out), nominal, model, frames, &options()).unwrap();
     (out, report)
 }
 
 fn refused(text: &[u8], d: Dialect) -> String {
     let n = nominal(IRB);
-    match compensate(text, "p", d, &n, &n, &Frames::default(), &options(), &mut Vec::new()) {
+    match compensate(Program::of_file(text, "p", d, &mut Vec::new()), &n, &n, &Frames::default(), &options()) {
         Err(ProgramError::Input(e)) => e,
         other => panic!("{other:?}"),
     }
@@ -62,7 +62,7 @@ fn targets_at_joint_angles_that_the_model_was_not_learnt_at_are_named() {
     let (d, text, frames, nominal, targets) = programs().into_iter().next().unwrap();
     let asked = |visited: Support| {
         let options = Options { visited, ..options() };
-        compensate(&text, "p", d, &nominal, &nominal, &frames, &options, &mut Vec::new()).unwrap()
+        compensate(Program::of_file(&text, "p", d, &mut Vec::new()), &nominal, &nominal, &frames, &options).unwrap()
     };
     let all = asked(Support::default());
     assert!(all.beyond == 0 && all.cautions.is_empty(), "{:?}", all.cautions);
@@ -256,8 +256,14 @@ fn problems(body: &str) -> Vec<String> {
     let mut out = Vec::new();
     let options = Options { configuration_off: true, ..options() };
     let text = body.replace("TARGET", TARGET);
-    let report =
-        compensate(text.as_bytes(), "p", Dialect::Rapid, &n, &n, &Frames::default(), &options, &mut out).unwrap();
+    let report = compensate(
+        Program::of_file(text.as_bytes(), "p", Dialect::Rapid, &mut out),
+        &n,
+        &n,
+        &Frames::default(),
+        &options,
+    )
+    .unwrap();
     report.problems.iter().map(ToString::to_string).collect()
 }
 
@@ -387,8 +393,13 @@ fn the_tool_of_an_instruction_that_nobody_has_read_can_be_said() {
     let text = text.replace("TARGET", "[[350,50,320],[0,0.6,0.8,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]");
     let with = |tool: Option<&str>| {
         let options = Options { tool: tool.map(Into::into), configuration_off: true, ..Options::default() };
-        let run =
-            compensate(text.as_bytes(), "p", Dialect::Rapid, &n, &n, &Frames::default(), &options, &mut Vec::new());
+        let run = compensate(
+            Program::of_file(text.as_bytes(), "p", Dialect::Rapid, &mut Vec::new()),
+            &n,
+            &n,
+            &Frames::default(),
+            &options,
+        );
         let report = run.unwrap();
         (report.problems.iter().map(ToString::to_string).collect::<Vec<_>>(), report.setups)
     };
@@ -404,7 +415,13 @@ fn the_tool_of_an_instruction_that_nobody_has_read_can_be_said() {
 fn a_model_that_needs_a_temperature_asks_for_it() {
     let n = nominal(IRB);
     let options = Options::default();
-    let e = compensate(b"q1_deg\n1\n", "p", Dialect::Csv, &n, &real(&n), &Frames::default(), &options, &mut Vec::new());
+    let e = compensate(
+        Program::of_file(b"q1_deg\n1\n", "p", Dialect::Csv, &mut Vec::new()),
+        &n,
+        &real(&n),
+        &Frames::default(),
+        &options,
+    );
     assert!(e.unwrap_err().to_string().contains("--temp-c"));
 }
 
@@ -418,7 +435,7 @@ fn a_program_runs_long_after_the_recording_unless_it_is_said_when() {
         let options = Options { seq, ..Options::default() };
         let program = b"q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n0,0,0,0,30,0\n";
         let frames = Frames::default();
-        compensate(program, "p", Dialect::Csv, &n, &model, &frames, &options, &mut Vec::new())
+        compensate(Program::of_file(program, "p", Dialect::Csv, &mut Vec::new()), &n, &model, &frames, &options)
             .map(|report| report.largest_move)
             .map_err(|e| e.to_string())
     };
@@ -448,7 +465,7 @@ proptest! {
             if text.is_empty() { text.push(b'x'); }
         }
         let mut out = Vec::new();
-        if compensate(&text, "p", d, &nominal, &nominal, &frames, &options(), &mut out).is_ok() {
+        if compensate(Program::of_file(&text, "p", d, &mut out), &nominal, &nominal, &frames, &options()).is_ok() {
             prop_assert!(out.len() >= text.len());
         }
     }
@@ -457,7 +474,7 @@ proptest! {
     fn random_bytes_never_panic(which in 0usize..5, text in "[\\[\\]{}(),;:=!#pPXYZABCEMoveL0-9. \n&\"'/\\\\]{0,400}") {
         let d = Dialect::ALL[which];
         let n = nominal(IRB);
-        let _ = compensate(text.as_bytes(), "p", d, &n, &n, &Frames::default(), &options(), &mut Vec::new());
+        let _ = compensate(Program::of_file(text.as_bytes(), "p", d, &mut Vec::new()), &n, &n, &Frames::default(), &options());
     }
 }
 
@@ -465,8 +482,14 @@ proptest! {
 fn loads_that_nobody_has_read_are_named_where_the_arm_sags() {
     let n = nominal(IRB);
     let of = |d: Dialect, text: &str, options: &Options| {
-        let report =
-            compensate(text.as_bytes(), "p", d, &n, &real(&n), &Frames::default(), options, &mut Vec::new()).unwrap();
+        let report = compensate(
+            Program::of_file(text.as_bytes(), "p", d, &mut Vec::new()),
+            &n,
+            &real(&n),
+            &Frames::default(),
+            options,
+        )
+        .unwrap();
         report.cautions.into_iter().filter(|c| c.contains("carries") || c.contains("weighs")).collect::<Vec<_>>()
     };
     let rapid = |tool: &str, mass: f64, load: &str| {
@@ -500,14 +523,11 @@ fn loads_that_nobody_has_read_are_named_where_the_arm_sags() {
     // an arm that does not sag
     let stiff = nominal(KR6);
     let report = compensate(
-        krl.replace("A2 12,A3 -8", "A2 -70,A3 85").as_bytes(),
-        "p",
-        Dialect::Krl,
+        Program::of_file(krl.replace("A2 12,A3 -8", "A2 -70,A3 85").as_bytes(), "p", Dialect::Krl, &mut Vec::new()),
         &stiff,
         &real(&stiff),
         &Frames::default(),
         &options(),
-        &mut Vec::new(),
     )
     .unwrap();
     assert_eq!(report.cautions, [""; 0]);

@@ -92,14 +92,11 @@ fn joint_values_of_a_rail_are_in_mm_and_other_units_are_refused() {
     assert!(first < 3000.0 && first > 2999.0, "{text}");
     let wrong = row.replace("q1_mm", "q1_deg");
     let refused = trical_program::compensate(
-        wrong.as_bytes(),
-        "p.csv",
-        Dialect::Csv,
+        trical_program::Program::of_file(wrong.as_bytes(), "p.csv", Dialect::Csv, &mut Vec::new()),
         &nominal,
         &model,
         &Frames::default(),
         &crate::options(),
-        &mut Vec::new(),
     );
     assert!(refused.unwrap_err().to_string().contains("joint 1 of the robot slides: expected a column q1_mm"));
 }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use trical_model::interrupt::stoppable;
 use trical_program::compensation::Compensator;
-use trical_program::{Dialect, Frames, Options, ProgramError, compensate};
+use trical_program::{Dialect, Frames, Options, Program, ProgramError, compensate};
 
 use crate::fixtures::{IRB, nominal, real};
 
@@ -50,7 +50,8 @@ impl Write for Full {
 fn timed(text: &[u8], sink: &mut dyn Write) -> (Result<usize, ProgramError>, Duration) {
     let (n, options) = (nominal(IRB), Options { temp_c: Some(32.0), ..Options::default() });
     let begin = Instant::now();
-    let done = compensate(text, "p.csv", Dialect::Csv, &n, &real(&n), &Frames::default(), &options, sink);
+    let done =
+        compensate(Program::of_file(text, "p.csv", Dialect::Csv, sink), &n, &real(&n), &Frames::default(), &options);
     (done.map(|report| report.rewritten), begin.elapsed())
 }
 

@@ -1,0 +1,100 @@
+//! What may have changed: for each explanation the terms of the model that tell it.
+
+use std::ops::Range;
+
+use trical_model::{Axis, Basis, Measured, Model, Motion, Scope, Site, Term};
+
+use super::settings::FEW;
+use crate::dataset::Dataset;
+use crate::model_file::Uncertainty;
+
+/// Something that may have changed.
+pub(super) struct Explanation {
+    pub what: String,
+    pub scope: Scope,
+    /// Terms of the model that tell it; of a wrong measurement none.
+    pub terms: Range<usize>,
+    /// Index of the one measurement that is wrong.
+    pub measurement: Option<usize>,
+}
+
+impl Explanation {
+    /// Whether the arm or its setup changed, and not one measurement is wrong.
+    pub fn is_of_machine(&self) -> bool {
+        self.measurement.is_none()
+    }
+}
+
+/// The old model with a term for each number that may have changed.
+pub(super) struct Explained {
+    pub model: Model,
+    pub explanations: Vec<Explanation>,
+    /// Terms of the old calibration, with their places in its covariance.
+    pub calibrated: Vec<(usize, usize)>,
+    /// Terms that are new in any case, such as a tracker's frame.
+    pub new: Vec<usize>,
+}
+
+impl Explained {
+    pub fn of(model: Model, data: &Dataset, old: &Uncertainty) -> Self {
+        let here = |t: &Term| {
+            t.basis.session.is_some_and(|s| data.observations.iter().any(|o| o.state.session == Some(s)))
+                || matches!(t.site, Site::Frame { frame, .. } if data.observations.iter().any(|o| o.frame + 1 == frame))
+        };
+        let (mut calibrated, mut new) = (Vec::new(), Vec::new());
+        for (k, t) in model.terms.iter().enumerate() {
+            match old.names.iter().position(|n| *n == t.name) {
+                Some(place) => calibrated.push((k, place)),
+                None if here(t) && t.scope() == Scope::Setup => new.push(k),
+                None => {}
+            }
+        }
+        let mut out = Self { model, explanations: Vec::new(), calibrated, new };
+        for joint in 1..=out.model.robot.dof() {
+            let name = format!("joint {joint}");
+            out.add(name.clone(), Scope::Arm, vec![(name, Site::Joint { joint })]);
+        }
+        out.add("tool".into(), Scope::Setup, tool_sites(&out.model, data));
+        // where the frame or the balls' places are new, they take up whatever the base did
+        if out.new.iter().all(|k| matches!(out.model.terms[*k].site, Site::Tool(_) | Site::Target { .. })) {
+            let base =
+                |motions: &[Motion]| motions.iter().map(|m| (format!("base {}", m.name()), Site::Base(*m))).collect();
+            out.add("base".into(), Scope::Setup, base(&Motion::ALL[..3]));
+            out.add("base (place and direction)".into(), Scope::Setup, base(&Motion::ALL));
+        }
+        if data.observations.len() <= FEW {
+            let end = out.model.terms.len();
+            out.explanations.extend(data.observations.iter().enumerate().map(|(row, o)| Explanation {
+                what: format!("the measurement of line {}", o.line),
+                scope: Scope::Reading,
+                terms: end..end,
+                measurement: Some(row),
+            }));
+        }
+        out
+    }
+
+    fn add(&mut self, what: String, scope: Scope, sites: Vec<(String, Site)>) {
+        let first = self.model.terms.len();
+        let term = |(name, site)| Term::new(name, "change", site, Basis::CONSTANT);
+        self.model.terms.extend(sites.into_iter().map(term));
+        self.explanations.push(Explanation { what, scope, terms: first..self.model.terms.len(), measurement: None });
+    }
+}
+
+/// What measurements see of the tool, by its names: the TCP, with poses its direction, targets.
+fn tool_sites(model: &Model, data: &Dataset) -> Vec<(String, Site)> {
+    let mut tool: Vec<(String, Site)> = Vec::new();
+    if data.has(|m| !matches!(m, Measured::Point { .. })) {
+        let pose = data.has(|m| matches!(m, Measured::Pose { .. }));
+        let motions = &Motion::ALL[..if pose { 6 } else { 3 }];
+        tool.extend(motions.iter().map(|m| (format!("tool {}", m.name()), Site::Tool(*m))));
+    }
+    for target in 1..=model.cell.tool.targets.len() {
+        if data.has(|m| matches!(m, Measured::Point { target: t, .. } if *t + 1 == target)) {
+            let site = |axis: Axis| (format!("target {target} {}", axis.name()), Site::Target { target, axis });
+            tool.extend(Axis::ALL.map(site));
+        }
+    }
+    tool
+}

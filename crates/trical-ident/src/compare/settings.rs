@@ -1,0 +1,35 @@
+//! Every threshold of a comparison, with its reason.
+
+/// So often may something be said to have changed where nothing has.
+pub const FALSE_ALARMS: f64 = 0.02;
+
+/// Chance that a change of the size that is called visible is found.
+pub(super) const FOUND: f64 = 0.9;
+
+/// A claim moves the tool by at least this share of the old model's own errors, root mean square: what an old model does not know of the
+/// arm differs from poses to poses, and among many measurements passes for a change.
+pub(super) const SHARE: f64 = 0.35;
+
+/// Of more measurements than this some stand for all: they tell more than enough.
+pub(super) const MEASUREMENTS: usize = 240;
+
+/// One measurement among more than this is not tried as a wrong one: many small ones would be.
+pub(super) const FEW: usize = 60;
+
+/// Most changes that are looked for.
+pub(super) const CHANGES: usize = 4;
+
+/// Where no change at one place of the arm brings a coordinate closer than this, m, and than so many times the old session's noise,
+/// the arm is another one, or the recording is in other units: a bent link leaves some millimetres.
+pub(super) const ANOTHER_ARM: (f64, f64) = (1e-2, 100.0);
+
+/// A change that would have to be larger than this to be found is not called visible: only its share that something else does not take up
+/// is seen at all.
+pub(super) const LARGEST_MM: f64 = 20.0;
+pub(super) const LARGEST_DEG: f64 = 2.0;
+
+/// A calibration that leaves so many times the usual noise of the instrument lacks something.
+pub(super) const UNUSUAL: f64 = 3.0;
+
+/// A mean error of the new measurements beyond so many times what the calibration left is no such lack.
+pub(super) const BEYOND: f64 = 10.0;

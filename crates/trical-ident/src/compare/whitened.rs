@@ -1,0 +1,152 @@
+//! Residuals and columns with unit covariance, what is new projected out.
+
+use faer::linalg::solvers::Llt;
+use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
+use faer::{Mat, Par, Side};
+use trical_model::Forward;
+
+use super::explanation::{Explained, Explanation};
+use crate::dataset::Dataset;
+use crate::error::{IdentError, Result};
+use crate::fit::check_observations;
+use crate::model_file::Uncertainty;
+use crate::predicted::covariance;
+use crate::triangle::dot;
+
+/// Residuals and columns that are independent, with standard deviation 1.
+pub(super) struct Whitened<'a> {
+    pub explained: &'a Explained,
+    pub residual: Vec<f64>,
+    /// Columns of each explanation, in their order.
+    pub columns: Vec<Vec<Vec<f64>>>,
+    /// Scalars that were measured.
+    pub rows: usize,
+    /// By how much the variance of what no explanation takes up is larger than it was, at least 1.
+    pub more_noise: f64,
+}
+
+/// Takes out of `v` what lies along the orthonormal `basis`, twice for the digits.
+pub(super) fn project_out(v: &mut [f64], basis: &[Vec<f64>]) {
+    for _ in 0..2 {
+        for q in basis {
+            let d = dot(v, q);
+            v.iter_mut().zip(q).for_each(|(x, y)| *x -= d * y);
+        }
+    }
+}
+
+/// Adds directions of `columns` that the orthonormal `basis` does not have; how many.
+pub(super) fn extend(basis: &mut Vec<Vec<f64>>, columns: &[Vec<f64>]) -> usize {
+    let before = basis.len();
+    for c in columns {
+        let whole = dot(c, c).sqrt();
+        let mut v = c.clone();
+        project_out(&mut v, basis);
+        let left = dot(&v, &v).sqrt();
+        if left > 1e-6 * whole && whole > 0.0 {
+            v.iter_mut().for_each(|x| *x /= left);
+            basis.push(v);
+        }
+    }
+    basis.len() - before
+}
+
+impl<'a> Whitened<'a> {
+    pub fn of(explained: &'a Explained, data: &Dataset, old: &Uncertainty) -> Result<Self> {
+        let Explained { model, explanations, calibrated, new } = explained;
+        let asked = explanations.iter().flat_map(|e| e.terms.clone());
+        let all: Vec<usize> = calibrated.iter().map(|o| o.0).chain(new.iter().copied()).chain(asked).collect();
+        let forward = Forward::new(model.clone(), all)?;
+        let Linearized { jacobian, residual, spans } = Linearized::of(&forward, data, old.noise)?;
+        let (rows, m) = (residual.len(), calibrated.len());
+        let of_calibrated = jacobian.submatrix(0, 0, rows, m);
+        let mut sigma = of_calibrated * &covariance(model, old, calibrated) * of_calibrated.transpose();
+        (0..rows).for_each(|i| sigma[(i, i)] += 1.0);
+        // rounded correlations may be a hair from positive
+        let llt = Llt::new(sigma.as_ref(), Side::Lower).map_err(|_| {
+            IdentError::WrongModel("[uncertainty] of the model file: its correlations are of no real fit".into())
+        })?;
+        let white = |v: Vec<f64>| {
+            let mut column = Mat::from_fn(rows, 1, |i, _| v[i]);
+            solve_lower_triangular_in_place(llt.L(), column.as_mut(), Par::Seq);
+            column.col_as_slice(0).to_vec()
+        };
+        let column = |c: usize| white((0..rows).map(|i| jacobian[(i, c)]).collect());
+        let mut nuisance = Vec::new();
+        let taken: Vec<Vec<f64>> = (0..new.len()).map(|k| column(m + k)).collect();
+        let count = extend(&mut nuisance, &taken);
+        let freed = |mut v: Vec<f64>| {
+            let whole = dot(&v, &v);
+            project_out(&mut v, &nuisance);
+            // digits that are left of what is taken up are nothing
+            if dot(&v, &v) < 1e-12 * whole {
+                v.fill(0.0);
+            }
+            v
+        };
+        let unit = |row: usize| (0..rows).map(|i| f64::from(u8::from(i == row))).collect();
+        let mut next = m + new.len();
+        let columns_of = |e: &Explanation| -> Vec<Vec<f64>> {
+            if let Some(measurement) = e.measurement {
+                let (from, n) = spans[measurement];
+                return (from..from + n).map(|row| freed(white(unit(row)))).collect();
+            }
+            let own = next..next + e.terms.len();
+            next = own.end;
+            own.map(|c| freed(column(c))).collect()
+        };
+        let columns: Vec<Vec<Vec<f64>>> = explanations.iter().map(columns_of).collect();
+        let residual = freed(white(residual));
+        let mut basis = Vec::new();
+        for (_, columns) in explanations.iter().zip(&columns).filter(|(e, _)| e.is_of_machine()) {
+            extend(&mut basis, columns);
+        }
+        let more_noise = more_noise(residual.clone(), &basis, count);
+        Ok(Self { explained, residual, columns, rows, more_noise })
+    }
+}
+
+/// By how much the variance of `residual` beside the orthonormal `basis` is larger than 1; 1 where it is smaller, or too few degrees of
+/// freedom are left. `new` more were taken up before.
+fn more_noise(mut residual: Vec<f64>, basis: &[Vec<f64>], new: usize) -> f64 {
+    let rows = residual.len();
+    let freedom = rows.saturating_sub(new + basis.len());
+    if freedom < 6 {
+        return 1.0;
+    }
+    project_out(&mut residual, basis);
+    // by the median, which one wrong measurement does not move: that of chi-squared with one degree of freedom is 0.4549
+    let mut squares: Vec<f64> = residual.iter().map(|x| x * x).collect();
+    squares.sort_by(f64::total_cmp);
+    let share = rows as f64 / freedom as f64;
+    (squares[squares.len() / 2] / 0.4549 * share).max(1.0)
+}
+
+/// Derivatives to the free terms of a model, and residuals, in standard deviations of the noise.
+struct Linearized {
+    jacobian: Mat<f64>,
+    residual: Vec<f64>,
+    /// First row of each observation, and how many it has.
+    spans: Vec<(usize, usize)>,
+}
+
+impl Linearized {
+    fn of(forward: &Forward, data: &Dataset, noise: f64) -> Result<Self> {
+        check_observations(forward, data)?;
+        let (rows, p) = (data.scalars(), forward.free().len());
+        let (mut jacobian, mut residual, mut spans) = (Mat::<f64>::zeros(rows, p), vec![0.0; rows], Vec::new());
+        let (mut ws, mut buffer, mut at) = (forward.workspace(), vec![0.0; 6 * p], 0);
+        for o in &data.observations {
+            let n = forward.linearize(&o.state, &o.measured, o.frame, &mut ws, &mut buffer);
+            for k in 0..n {
+                // a pose's rotation is as uncertain as the position a quarter of a metre away
+                let sigma = if k < 3 { noise } else { 4.0 * noise };
+                residual[at + k] = ws.residual()[k] / sigma;
+                (0..p).for_each(|c| jacobian[(at + k, c)] = buffer[k * p + c] / sigma);
+            }
+            spans.push((at, n));
+            at += n;
+        }
+        Ok(Self { jacobian, residual, spans })
+    }
+}

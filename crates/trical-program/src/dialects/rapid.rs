@@ -10,12 +10,13 @@ use trical_model::Pose;
 use super::rapid_frames::{declare, tool, work_object};
 use super::rapid_motions::is_motion;
 pub use super::rapid_reader::{Effects, Exports};
-use super::rapid_reader::{Piece, Place, Reader, scoped};
+use super::rapid_reader::{Element, Piece, Place, Reader, scoped};
 use crate::branch::Configuration;
 use crate::elsewhere::{Elsewhere, Nowhere};
 use crate::frames::ToolFrame;
 use crate::literal::Shape;
 use crate::names::Origin;
+use crate::reaching::Part;
 use crate::scan::{Fork, Scan, Visit, changed_here, hashed};
 use crate::text::{Span, begins_line, is_one_of, lower, mentions, number};
 
@@ -182,6 +183,9 @@ impl Reader<'_> {
             b'"' => self.c.skip_string(),
             b => {
                 self.c.at += 1;
+                if b == b';' && std::mem::take(&mut self.in_condition) {
+                    self.names.fork(Fork::Closes);
+                }
                 // a routine whose name the program puts together
                 if b == b'%' && self.c.peek() != b'%' && begins_line(self.c.bytes, from) {
                     self.names.fork(Fork::Anywhere);
@@ -259,9 +263,8 @@ impl Reader<'_> {
             self.names.fork(Fork::Repeats);
         } else if is(&[b"if"]) {
             // `IF c THEN ... ENDIF`, or one instruction behind the condition
-            if mentions(self.c.clone().until(b";"), b"THEN") {
-                self.names.fork(Fork::Opens);
-            }
+            self.names.fork(Fork::Opens);
+            self.in_condition = !mentions(self.c.clone().until(b";"), b"THEN");
         } else if is(&[b"test"]) {
             self.names.fork(Fork::Opens);
         } else if is(&[b"elseif", b"else", b"case", b"default"]) {
@@ -291,14 +294,14 @@ impl Reader<'_> {
     /// `p:=[[...]]`, `p:=q`, `p:=Offs(q,...)`, `p.trans.z:=...`, `p{i}:=...`: data that the program sets.
     fn assignment(&mut self, from: usize, word: &[u8]) {
         let start = self.c;
-        let mut is_part = false;
+        let (mut is_part, mut part) = (false, Part::Whole);
         loop {
             match self.c.peek() {
                 b'.' => {
                     self.c.at += 1;
                     is_part |= !self.c.word().is_empty();
                 }
-                b'{' => self.c.skip_past(b'}', b";\n"),
+                b'{' => part = self.element().map_or(Part::Indexed, Part::Element),
                 _ => break,
             }
         }
@@ -322,7 +325,7 @@ impl Reader<'_> {
                 self.names.set_from(name, Origin::Computed(from as u32));
             }
         } else if self.c.peek() == b'[' {
-            self.define(Span::new(from, from + word.len()));
+            self.define(Span::new(from, from + word.len()), part);
         } else {
             let start = self.c;
             let source = self.c.word();
@@ -372,6 +375,7 @@ impl Reader<'_> {
         }
         self.c.skip_space();
         if self.c.peek() == b'{' {
+            self.arrays.insert(self.key(text));
             self.c.skip_past(b'}', b";\n");
         }
         let start = self.c;
@@ -383,17 +387,40 @@ impl Reader<'_> {
         }
     }
 
-    pub(super) fn define(&mut self, name: Span) {
+    fn define(&mut self, name: Span, part: Part) {
         let (first, problems) = (self.scan.spots.len(), self.scan.problems.len());
         self.name = name;
         self.list(0);
         self.name = Span::default();
         let hash = self.key(name.text(self.c.bytes));
-        self.names.define(hash, first, self.scan.spots.len());
+        let end = self.scan.spots.len();
+        let holds_names = self.arrays.contains(&hash) && self.elements.iter().any(|element| element.name.is_some());
+        if holds_names && end > first && part == Part::Whole {
+            self.define_elements(hash, first);
+        } else {
+            self.names.define_part(hash, part, first, end);
+        }
         if self.scan.problems.len() > problems {
             self.names.listed(hash);
-        } else if self.scan.spots.len() == first {
+        } else if end == first {
             self.names.set_from(hash, Origin::Computed(name.at));
+        }
+    }
+
+    /// An array with names of targets among its elements.
+    fn define_elements(&mut self, array: u64, mut first: usize) {
+        for (k, element) in std::mem::take(&mut self.elements).into_iter().enumerate() {
+            self.names.define_part(array, Part::Element(k), first, element.end);
+            first = element.end;
+            let Some(given) = element.name else { continue };
+            let mut c = self.c;
+            c.at = given.at as usize;
+            let name = c.word();
+            let origin = match name == given.text(c.bytes).trim_ascii() {
+                true => Origin::Name { name: self.key(name), at: given.at },
+                false => Origin::Computed(given.at),
+            };
+            self.set_from(array, origin);
         }
     }
 
@@ -404,11 +431,15 @@ impl Reader<'_> {
         if depth > DEEPEST {
             return None;
         }
+        if depth == 0 {
+            self.elements.clear();
+        }
         let mut spans = [Span::default(); 6];
         let mut pieces = [Piece::default(); 4];
         let (mut numbers, mut lists, mut others, mut unread) = (0, 0, 0, None);
         loop {
             self.c.skip_space();
+            let mut name = None;
             match self.c.peek() {
                 b']' => {
                     self.c.at += 1;
@@ -416,12 +447,16 @@ impl Reader<'_> {
                 }
                 b'[' => {
                     let piece = self.list(depth + 1)?;
+                    name = piece.unread;
                     if let Some(to) = pieces.get_mut(lists) {
                         *to = piece;
                     }
                     lists += 1;
                 }
-                b',' => self.c.at += 1,
+                b',' => {
+                    self.c.at += 1;
+                    continue;
+                }
                 b'"' => {
                     self.c.skip_string();
                     others += 1;
@@ -429,21 +464,23 @@ impl Reader<'_> {
                 b';' => return None,
                 _ if self.c.done() => return None,
                 _ => {
-                    let span = self.item().unwrap_or_else(|span| *unread.insert(span));
+                    let span = self.item().unwrap_or_else(|span| *name.insert(span));
                     if let Some(to) = spans.get_mut(numbers) {
                         *to = span;
                     }
                     numbers += 1;
                 }
             }
+            unread = unread.or(name);
+            if depth == 0 {
+                self.elements.push(Element { end: self.scan.spots.len(), name });
+            }
         }
         if others == 0 && lists == 0 && numbers <= 6 {
             return Some(Piece { count: numbers, spans, unread });
         }
-        if others == 0 && numbers == 0 && lists <= 4 {
-            self.target(&pieces[..lists]);
-        }
-        Some(Piece::default())
+        let is_target = others == 0 && numbers == 0 && lists <= 4 && self.target(&pieces[..lists]);
+        Some(Piece { unread: unread.filter(|_| !is_target), ..Piece::default() })
     }
 
     /// A number of a list, plain or calculated; `Err` is where something stands that has no value.
@@ -466,16 +503,17 @@ impl Reader<'_> {
         Err(Span::new(start.at, self.c.at))
     }
 
-    /// Takes these lists as a target, where they are one: a robtarget or a jointtarget.
-    fn target(&mut self, pieces: &[Piece]) {
+    /// Takes these lists as a target, where they are one: a robtarget or a jointtarget; whether they are.
+    fn target(&mut self, pieces: &[Piece]) -> bool {
         let bytes = self.c.bytes;
         let (p, external) = match pieces {
             [p, q, cf, external] if [p.count, q.count, cf.count, external.count] == [3, 4, 4, 6] => (p, external),
             [q, external] if [q.count, external.count] == [6, 6] => (q, external),
-            _ => return,
+            _ => return false,
         };
         if let Some(span) = pieces.iter().find_map(|p| p.unread) {
-            return self.scan.unread(span, bytes);
+            self.scan.unread(span, bytes);
+            return true;
         }
         if let [_, q, cf, _] = pieces {
             let demanded = cf.spans.map(|s| self.scan.value(s, bytes).filter(|v| v.abs() < 1000.0).map(|v| v as i16));
@@ -491,6 +529,7 @@ impl Reader<'_> {
         }
         let values = external.spans.map(|s| self.scan.value(s, bytes).filter(|v| v.abs() < NO_AXIS));
         self.scan.external_axes(&values);
+        true
     }
 
     /// `tooldata name:=[...]`, `wobjdata name:=[...]`

@@ -17,6 +17,10 @@ pub(super) struct Reader<'a> {
     pub(super) constants: Constants,
     /// Name of the data that is being read.
     pub(super) name: Span,
+    /// Elements of the list that is being read.
+    pub(super) elements: Vec<Element>,
+    /// Whether the instruction that is being read stands behind the condition of an `IF` without `THEN`.
+    pub(super) in_condition: bool,
     /// Routines of this file, and which targets they get.
     pub(super) routines: HashMap<u64, Vec<Parameter>>,
     /// Those that are functions.
@@ -25,6 +29,8 @@ pub(super) struct Reader<'a> {
     pub(super) locals: HashMap<u64, u64>,
     /// Targets that are declared without numbers.
     pub(super) unset: HashSet<u64>,
+    /// Arrays of targets.
+    pub(super) arrays: HashSet<u64>,
     pub(super) elsewhere: &'a dyn Elsewhere,
     /// Routines of other modules that were asked for.
     pub(super) outside: HashMap<u64, Option<Outside>>,
@@ -46,8 +52,16 @@ pub(super) struct Piece {
     /// How many numbers it is, at most six; none where it is anything else, of which targets were taken.
     pub(super) count: usize,
     pub(super) spans: [Span; 6],
-    /// One of them that has no value.
+    /// What has no value in it and is no part of a target in it.
     pub(super) unread: Option<Span>,
+}
+
+/// An element of a list.
+pub(super) struct Element {
+    /// How many targets of the file stand up to its end.
+    pub(super) end: usize,
+    /// What has no value in it and is no part of a target.
+    pub(super) name: Option<Span>,
 }
 
 /// Where a motion goes.
@@ -81,10 +95,13 @@ impl<'a> Reader<'a> {
             names: Names::default(),
             constants: Constants::with_degrees(),
             name: Span::default(),
+            elements: Vec::new(),
+            in_condition: false,
             routines,
             functions,
             locals: HashMap::new(),
             unset: HashSet::new(),
+            arrays: HashSet::new(),
             elsewhere,
             outside: HashMap::new(),
             within: String::new(),

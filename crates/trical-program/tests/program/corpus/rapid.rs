@@ -314,4 +314,52 @@ pub(super) const RAPID: &[Case] = &[
         &[],
         &[(2, "used with")],
     ),
+    case(
+        "a routine above its caller",
+        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nPERS robtarget p:=@0;\nPROC Pick()\nMoveL p,v1,fine,t;\nENDPROC\nPROC main()\np:=@1;\nMoveL p,v1,fine,tool0;\nPick;\nENDPROC\n",
+        &[2],
+        &[(7, "used with")],
+    ),
+    case(
+        "set in a branch and behind a condition",
+        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nVAR robtarget p;\nVAR robtarget q;\np:=@0;\nq:=@1;\nIF big THEN\np:=@2;\nENDIF\nIF big q:=@2;\nMoveL p,v1,fine,tool0;\nMoveL q,v1,fine,tool0;\np:=@1;\nMoveL p,v1,fine,t;\nMoveL q,v1,fine,t;\n",
+        &[4, 7, 12],
+        &[(5, "used with"), (9, "used with")],
+    ),
+    case(
+        "set anew before each motion",
+        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nVAR robtarget p;\np:=@0;\nMoveL p,v1,fine,tool0;\np:=@1;\nOther;\nMoveL p,v1,fine,t;\nPROC Other()\nq:=@2;\nENDPROC\n",
+        &[3, 5],
+        &[(9, "no motion in the file")],
+    ),
+    case(
+        "set at the end of a loop",
+        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nVAR robtarget p;\np:=@0;\nWHILE TRUE DO\nMoveL p,v1,fine,tool0;\np:=@1;\nMoveL p,v1,fine,t;\nENDWHILE\n",
+        &[3],
+        &[(6, "used with")],
+    ),
+    case(
+        "set by a routine that is called between",
+        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nPERS robtarget p:=@0;\nPROC main()\np:=@0;\nMoveL p,v1,fine,tool0;\nNext;\nMoveL p,v1,fine,t;\nENDPROC\nPROC Next()\nSet1;\nENDPROC\nPROC Set1()\np:=@1;\nENDPROC\n",
+        &[2, 13],
+        &[(4, "used with")],
+    ),
+    case(
+        "elements that are set one by one",
+        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nVAR robtarget p{2};\nPROC main()\np{1}:=@0;\np{2}:=@1;\nMoveL p{2},v1,fine,t;\np{2}:=@2;\nMoveL p{1},v1,fine,tool0;\nMoveL p{2},v1,fine,tool0;\nENDPROC\n",
+        &[4, 5, 7],
+        &[],
+    ),
+    case(
+        "names among the elements of an array",
+        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget q:=@0;\nVAR robtarget p{3}:=[@1,q,@2];\nMoveL p{1},v1,fine,tool0;\nMoveL p{3},v1,fine,t;\nMoveL q,v1,fine,t;\n",
+        &[3, 3],
+        &[(2, "used with")],
+    ),
+    case(
+        "data that are set from others, with two tools",
+        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget q:=@0;\nVAR robtarget p:=@1;\nMoveL p,v1,fine,tool0;\np:=q;\nMoveL p,v1,fine,t;\n",
+        &[],
+        &[(2, "used with"), (3, "used with")],
+    ),
 ];

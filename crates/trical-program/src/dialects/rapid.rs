@@ -38,6 +38,9 @@ const OTHERWISE: [(&[&[u8]], &str); 4] = [
 ];
 /// Values of external axes from here on mean that there is none (9E9).
 const NO_AXIS: f64 = 1e8;
+/// Kinds of data of which tables look like targets and are none. A record's kind, or one of another module, may be that of targets.
+const NO_TARGETS: [&[u8]; 9] =
+    [b"num", b"dnum", b"byte", b"bool", b"intnum", b"errnum", b"robjoint", b"extjoint", b"robax"];
 /// Words that begin declarations of data.
 const DECLARES: [&[u8]; 4] = [b"const", b"pers", b"var", b"task"];
 /// Lists inside lists, at most: a record of arrays of targets has five.
@@ -141,13 +144,8 @@ impl Reader<'_> {
                 self.data();
             } else if is("tooldata") || is("wobjdata") {
                 self.frame(is("tooldata"), is_one_of(before, &DECLARES));
-            } else if is("num") && before.eq_ignore_ascii_case(b"const") {
-                self.constant();
-            } else if is("num") {
-                // a variable or an argument: a constant of the same name elsewhere is another one
-                self.c.skip_space();
-                let name = self.c.word();
-                self.constants.forget(hashed(name));
+            } else if is_one_of(word, &NO_TARGETS) {
+                self.other_data(is("num") && before.eq_ignore_ascii_case(b"const"));
             } else if let Some((words, what)) = OTHERWISE.iter().find(|(words, _)| is_one_of(word, words)) {
                 self.scan.problem(from, *what);
                 self.note(|routine| routine.displaces = true);
@@ -164,6 +162,7 @@ impl Reader<'_> {
             } else if is_motion(word)
                 && !before.eq_ignore_ascii_case(b"module")
                 && !self.routines.contains_key(&hashed(word))
+                && self.routine_elsewhere(word).is_none()
             {
                 self.motion(word);
             } else if !self.block(from, word) {
@@ -261,6 +260,11 @@ impl Reader<'_> {
             self.names.fork(Fork::Anywhere);
         } else if is(&[b"for", b"while"]) {
             self.names.fork(Fork::Repeats);
+            if is(&[b"for"]) {
+                self.c.skip_space();
+                let name = self.c.word();
+                self.constants.forget(hashed(name));
+            }
         } else if is(&[b"if"]) {
             // `IF c THEN ... ENDIF`, or one instruction behind the condition
             self.names.fork(Fork::Opens);
@@ -277,17 +281,56 @@ impl Reader<'_> {
         true
     }
 
-    /// `CONST num h:=200;`
-    fn constant(&mut self) {
+    /// `CONST num h:=200;`, `VAR num table{2,6}:=[[...],[...]];`, `num argument`
+    fn other_data(&mut self, is_constant: bool) {
         self.c.skip_space();
         let name = self.c.word();
-        if name.is_empty() || !(self.c.eat(b':') && self.c.eat(b'=')) {
-            return;
+        self.c.skip_space();
+        if self.c.peek() == b'{' {
+            self.own(name);
+            self.tables.insert(self.key(name));
+            self.c.skip_past(b'}', b";\n");
         }
-        let value = self.constants.expression(&mut self.c).filter(|_| self.c.eat(b';'));
+        let start = self.c;
+        let mut value = None;
+        if name.is_empty() || !(self.c.eat(b':') && self.c.eat(b'=')) {
+            self.c = start;
+        } else if self.c.eat(b'[') {
+            self.skip_list();
+        } else if is_constant {
+            value = self.constants.expression(&mut self.c).filter(|_| self.c.eat(b';'));
+        }
         match value {
             Some((_, value)) => self.constants.define(hashed(name), value),
+            // of a variable or an argument, a constant of the same name elsewhere is another one
             None => self.constants.forget(hashed(name)),
+        }
+    }
+
+    /// Past a list of no targets, from behind its bracket on.
+    fn skip_list(&mut self) {
+        let mut depth = 1;
+        while depth > 0 {
+            self.c.skip_space();
+            match self.c.peek() {
+                _ if self.c.done() => return,
+                b';' => return,
+                b'[' => depth += 1,
+                b']' => depth -= 1,
+                b'"' => {
+                    self.c.skip_string();
+                    continue;
+                }
+                _ => {}
+            }
+            self.c.at += 1;
+        }
+    }
+
+    /// A name that is declared here is the routine's own, if one is being read.
+    fn own(&mut self, name: &[u8]) {
+        if !self.within.is_empty() {
+            self.locals.entry(hashed(name)).or_insert_with(|| scoped(name, self.within.as_bytes()));
         }
     }
 
@@ -324,6 +367,9 @@ impl Reader<'_> {
             } else {
                 self.names.set_from(name, Origin::Computed(from as u32));
             }
+        } else if self.c.peek() == b'[' && self.tables.contains(&name) {
+            self.c.at += 1;
+            self.skip_list();
         } else if self.c.peek() == b'[' {
             self.define(Span::new(from, from + word.len()), part);
         } else {
@@ -366,8 +412,9 @@ impl Reader<'_> {
         }
         let text = name.text(self.c.bytes);
         let hash = hashed(text);
+        self.own(text);
         if !self.within.is_empty() {
-            self.locals.entry(hash).or_insert_with(|| scoped(text, self.within.as_bytes()));
+            // of a routine
         } else if let Some(exports) = &mut self.exports {
             exports.own.insert(hash);
         } else if self.is_local {

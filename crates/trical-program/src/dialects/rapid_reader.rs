@@ -31,6 +31,8 @@ pub(super) struct Reader<'a> {
     pub(super) unset: HashSet<u64>,
     /// Arrays of targets.
     pub(super) arrays: HashSet<u64>,
+    /// Arrays of what is no target.
+    pub(super) tables: HashSet<u64>,
     pub(super) elsewhere: &'a dyn Elsewhere,
     /// Routines of other modules that were asked for.
     pub(super) outside: HashMap<u64, Option<Outside>>,
@@ -102,6 +104,7 @@ impl<'a> Reader<'a> {
             locals: HashMap::new(),
             unset: HashSet::new(),
             arrays: HashSet::new(),
+            tables: HashSet::new(),
             elsewhere,
             outside: HashMap::new(),
             within: String::new(),

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use super::rapid_frames::take_over;
 use super::rapid_motions::looks_like_motion;
 use super::rapid_reader::{FARTHEST, Parameter, Place, Reader, scoped};
-use crate::elsewhere::Goes;
+use crate::elsewhere::{Goes, Outside};
 use crate::frames::Frames;
 use crate::names::{Origin, Way};
 use crate::scan::{Call, Fork, Setup, hashed};
@@ -159,9 +159,8 @@ impl Reader<'_> {
             return;
         }
         self.note(|routine| routine.call(word));
-        let Self { elsewhere, outside, .. } = self;
-        let first = !outside.contains_key(&routine);
-        let found = outside.entry(routine).or_insert_with(|| elsewhere.routine(&lower(word))).clone();
+        let first = !self.outside.contains_key(&routine);
+        let found = self.routine_elsewhere(word).cloned();
         self.names.called(routine, found.as_ref().is_none_or(|f| f.moves));
         match &found {
             Some(found) => {
@@ -181,6 +180,12 @@ impl Reader<'_> {
             return;
         }
         self.gives_elsewhere(word, found.is_some());
+    }
+
+    /// What a routine of another module does.
+    pub(super) fn routine_elsewhere(&mut self, word: &[u8]) -> Option<&Outside> {
+        let Self { elsewhere, outside, .. } = self;
+        outside.entry(hashed(word)).or_insert_with(|| elsewhere.routine(&lower(word))).as_ref()
     }
 
     /// A call of a routine whose name the program puts together (`%name%p1,tool;`), from behind the first sign on.

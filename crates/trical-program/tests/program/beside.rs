@@ -152,6 +152,17 @@ fn routines_of_other_modules_say_with_what_the_targets_that_they_get_are_meant()
 }
 
 #[test]
+fn a_routine_of_another_module_is_no_instruction_of_the_same_name() {
+    let own = "PROC own()\nMoveL p,v1,fine,tDev;\nMoveL1 q;\nMoveJGo r,5;\nENDPROC\n";
+    let library = "MODULE Library\nPROC MoveL1(robtarget to)\nMoveL to,v1,fine,tGrip;\nENDPROC\nPROC MoveJGo(robtarget to,num n)\n\
+        MoveJ to,v1,fine,tGrip;\nENDPROC\nENDMODULE\n";
+    let report = checked("named_alike", IRB, &[("Targets.mod", &targets(own)), ("Library.mod", library)]);
+    assert_eq!((report.rewritten, report.problems.len()), (3, 0), "{report:?}");
+    let setups: Vec<(bool, usize)> = report.setups.iter().map(|(words, n)| (words.contains("tgrip"), *n)).collect();
+    assert_eq!(setups, [(false, 1), (true, 2)], "{report:?}");
+}
+
+#[test]
 fn other_modules_give_targets_to_routines_of_this_one_and_to_those_of_none() {
     let own = "PROC Go(robtarget to)\nMoveL to,v1,fine,tGrip;\nENDPROC\nPROC own()\nMoveL r,v1,fine,tDev;\nENDPROC\n";
     let main = |with: &str| format!("MODULE Main\nPROC main()\nGo p;\nGlueL q,v1,bead{with};\nENDPROC\nENDMODULE\n");

@@ -362,4 +362,28 @@ pub(super) const RAPID: &[Case] = &[
         &[],
         &[(2, "used with"), (3, "used with")],
     ),
+    case(
+        "tables of numbers",
+        "CONST num gains{2,6}:=[[10,20,10,5,60,-7],[0,0,0,0,0,0]];\nVAR extjoint soft{2}:=[[10,20,10,5,60,-7],[0,0,0,0,0,0]];\nPERS num limits{2,6};\nPERS robtarget p:=@0;\nCONST jointtarget j:=[[10,20,10,5,60,-7],[9E9,9E9,9E9,9E9,9E9,9E9]];\nPROC main(num table{*,*})\nVAR num p{2,6};\nlimits:=[[10,20,10,5,60,-7],[0,0,0,0,0,0]];\ntable:=[[10,20,10,5,60,-7],[0,0,0,0,0,0]];\np:=[[10,20,10,5,60,-7],[0,0,0,0,0,0]];\nMoveAbsJ j,v1,fine,tool0;\nENDPROC\nPROC Go()\np:=@1;\nMoveL p,v1,fine,tool0;\nENDPROC\n",
+        &[4, 5, 14],
+        &[],
+    ),
+    case(
+        "a variable of a loop with the name of a constant",
+        "CONST num h:=10;\nMoveL [[@X0+h-10,@Y0,@Z0],[@R0],@C0,[9E9,9E9,9E9,9E9,9E9,9E9]],v1,fine,tool0;\nFOR h FROM 1 TO 3 DO\nMoveL [[@X1+h-10,@Y1,@Z1],[@R1],@C1,[9E9,9E9,9E9,9E9,9E9,9E9]],v1,fine,tool0;\nENDFOR\n",
+        &[2],
+        &[(4, "+h-10', whose value")],
+    ),
+    case(
+        "routines that are called like instructions",
+        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget p:=@0;\nCONST robtarget q:=@1;\nCONST robtarget r:=@2;\nMoveL1 p;\nMoveLGoTo q,t,1;\nMoveLStart r,v1,fine,tool0;\nMoveJGO @0,v1,fine,t,signal,1;\nArcL1Start @1,v1,s1,w1,fine,t;\nTriggLIOs @2,v1,t1,fine,t;\n",
+        &[3, 4, 8, 9, 10],
+        &[(2, "is given to 'movel1'")],
+    ),
+    case(
+        "letters beyond ASCII",
+        "PERS tooldata tBrücke:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget pHägar:=@0;\nCONST robtarget pHöger:=@1;\nPERS robtarget pÜber:=@2;\nMoveL pHägar,v1,fine,TBRÜCKE;\nMoveL pHöger,v1,fine,tool0;\npÜber.trans.z:=pÜber.trans.z+h;\nMoveL PÜBER,v1,fine,tBrücke;\n",
+        &[2, 3, 4],
+        &[],
+    ),
 ];

@@ -42,6 +42,8 @@ pub enum Origin {
     Here,
     /// From a calculation (at this offset) that only the running program does.
     Computed(u32),
+    /// From a module that calls the routine at this offset.
+    Around(u32),
     /// Perhaps from a routine that is called at this offset and that nobody has read.
     Perhaps(u32),
 }
@@ -166,7 +168,7 @@ impl Names {
     #[must_use]
     pub fn set_at(&self, name: u64) -> Option<usize> {
         let set = self.origins.get(&name).into_iter().flatten().find_map(|o| match o {
-            Origin::Name { at, .. } | Origin::Computed(at) | Origin::Perhaps(at) => Some(*at),
+            Origin::Name { at, .. } | Origin::Computed(at) | Origin::Around(at) | Origin::Perhaps(at) => Some(*at),
             Origin::Here => None,
         });
         let changed = || self.changed.get(&name).and_then(|all| all.first().copied());
@@ -507,6 +509,9 @@ impl Names {
             let (at, what) = match origin {
                 Origin::Computed(at) => {
                     (at, "a place to which the arm moves is calculated here while the program runs")
+                }
+                Origin::Around(at) => {
+                    (at, "is called from a module beside the program that changes a target to which the arm moves")
                 }
                 Origin::Perhaps(at) => (
                     at,

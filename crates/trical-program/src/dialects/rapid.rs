@@ -67,18 +67,10 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
     reader.file();
     reader.predefined();
     reader.used_elsewhere();
+    reader.changed_around();
+    reader.changed_where_lent();
+    reader.changed_frames();
     let Reader { mut scan, names, .. } = reader;
-    let mut told = Vec::new();
-    for setup in &scan.setups {
-        for (what, name) in [("tool", &setup.tool), ("work object", &setup.frame)] {
-            if let Some((at, name)) = name.as_deref().and_then(|n| Some((names.set_at(hashed(n.as_bytes()))?, n)))
-                && !told.contains(&at)
-            {
-                told.push(at);
-                scan.problems.push((at, changed_here(&format!("the {what} '{name}'"))));
-            }
-        }
-    }
     names.resolve(&mut scan, bytes, &|name| {
         format!("goes to '{}', which this file does not give as numbers", String::from_utf8_lossy(name))
     });
@@ -92,10 +84,11 @@ pub fn for_others(bytes: &[u8], number: usize) -> Exports {
     reader.file();
     let moving = reader.names.moving();
     let Exports { mut routines, goes, given, own, .. } = reader.exports.take().unwrap_or_default();
+    let is_copy = |set: &u64| reader.routines.values().flatten().any(|p| p.scoped == *set && !p.by_reference);
     for name in reader.routines.keys() {
         let routine = routines.entry(*name).or_default();
         routine.moves = moving.contains(name);
-        routine.sets.retain(|set| !own.contains(set));
+        routine.sets.retain(|set| !own.contains(set) && !is_copy(set));
     }
     routines.retain(|name, _| reader.routines.contains_key(name));
     // motions to its own targets are nobody else's, unless it sets these from what others have
@@ -120,6 +113,46 @@ impl Reader<'_> {
     fn predefined(&mut self) {
         self.scan.frames.tools.insert("tool0".into(), Ok(ToolFrame::massless(Pose::identity())));
         self.scan.frames.frames.insert("wobj0".into(), Ok(Pose::identity()));
+    }
+
+    /// What a routine changes that is given to it is changed where it is given.
+    fn changed_where_lent(&mut self) {
+        loop {
+            let names = &self.names;
+            let (changed, left): (Vec<_>, Vec<_>) =
+                std::mem::take(&mut self.lent).into_iter().partition(|lent| names.set_at(lent.to).is_some());
+            self.lent = left;
+            if changed.is_empty() {
+                return;
+            }
+            changed.iter().for_each(|lent| self.names.set_from(lent.name, Origin::Computed(lent.at as u32)));
+        }
+    }
+
+    /// Lists tools and work objects of motions that the program changes, or may change.
+    fn changed_frames(&mut self) {
+        let mut told = Vec::new();
+        for setup in &self.scan.setups {
+            for (what, name) in [("tool", &setup.tool), ("work object", &setup.frame)] {
+                let Some(name) = name else { continue };
+                let hash = hashed(name.as_bytes());
+                let what = format!("the {what} '{name}'");
+                let found = match (self.names.set_at(hash), self.lent_to_nobody.get(&hash)) {
+                    (Some(at), _) => (at, changed_here(&what)),
+                    (None, Some(at)) => (
+                        *at,
+                        format!(
+                            "{what} is given here to a routine that is in none of the files read and may change it"
+                        ),
+                    ),
+                    (None, None) => continue,
+                };
+                if !told.contains(&found.0) {
+                    told.push(found.0);
+                    self.scan.problems.push(found);
+                }
+            }
+        }
     }
 
     pub(super) fn note(&mut self, note: impl FnOnce(&mut Effects)) {
@@ -250,6 +283,7 @@ impl Reader<'_> {
             let name = self.c.word();
             self.within = lower(name);
             let name = hashed(name);
+            self.heads.insert(name, from);
             self.names.routine(name);
             self.locals = self.routines.get(&name).into_iter().flatten().map(|p| (p.name, p.scoped)).collect();
         } else if is(&[b"endproc", b"endfunc", b"endtrap"]) {
@@ -586,9 +620,7 @@ impl Reader<'_> {
         if word.is_empty() {
             return;
         }
-        if !self.within.is_empty() {
-            self.locals.insert(hashed(word), scoped(word, self.within.as_bytes()));
-        }
+        self.own(word);
         let name = self.frame_name(word);
         self.c.skip_space();
         let is_argument = matches!(self.c.peek(), b',' | b')' | b'\\' | b'|');

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use super::rapid_frames::take_over;
 use super::rapid_motions::looks_like_motion;
-use super::rapid_reader::{FARTHEST, Parameter, Place, Reader, scoped};
+use super::rapid_reader::{FARTHEST, Lent, Parameter, Place, Reader, scoped};
 use crate::elsewhere::{Goes, Outside};
 use crate::frames::Frames;
 use crate::names::{Origin, Way};
@@ -40,6 +40,9 @@ const INSTRUCTIONS: &str = "
     VIEWONLY READONLY STEP FROM DO WITH INOUT bool byte clock dnum num string pos pose orient robtarget jointtarget tooldata wobjdata
     loaddata speeddata zonedata confdata extjoint robjoint intnum socketdev iodev errnum signaldi signaldo triggdata stoppointdata";
 
+/// Those that change a tool.
+const CALIBRATES: [&[u8]; 2] = [b"mtooltcpcalib", b"mtoolrotcalib"];
+
 /// Whether a word begins a statement of the language, and no call.
 #[must_use]
 pub(super) fn is_instruction(word: &[u8]) -> bool {
@@ -71,10 +74,10 @@ impl Reader<'_> {
             if self.functions.contains(&routine) && !self.c.eat(b'(') {
                 return;
             }
-            self.each_argument(word, &mut |reader, key| {
-                if let Some(parameter) = parameters.iter().find(|p| p.scoped == key) {
-                    reader.argument(*parameter);
-                }
+            self.each_argument(word, &mut |reader, key| match parameters.iter().find(|p| p.scoped == key) {
+                Some(parameter) if parameter.is_target => reader.argument(*parameter),
+                Some(parameter) if parameter.by_reference => reader.lend(key),
+                _ => {}
             });
         }
     }
@@ -126,6 +129,17 @@ impl Reader<'_> {
         }
     }
 
+    /// A name that a call gives to a routine which may change it; `to` is what it is called there.
+    fn lend(&mut self, to: u64) {
+        let word = self.c.clone().word();
+        if word.is_empty() {
+            return;
+        }
+        let name = self.key(word);
+        self.lent.push(Lent { name, to, at: self.c.at });
+        self.note(|routine| routine.lend(name, to));
+    }
+
     /// Whether arguments of a call may stand here, and not what follows a condition or a function.
     fn arguments_follow(&self) -> bool {
         let mut c = self.c;
@@ -152,6 +166,9 @@ impl Reader<'_> {
 
     /// Perhaps a call of a routine that this file does not have.
     fn call_elsewhere(&mut self, from: usize, word: &[u8], routine: u64) {
+        if is_one_of(word, &CALIBRATES) {
+            return self.each_argument(word, &mut |reader, _| reader.calibrated());
+        }
         let is_statement = begins_statement(self.c.bytes, from);
         let arguments = self.arguments_follow();
         let is_behind_condition = || looks_like_motion(word) && arguments && self.c.clone().peek() != b'(';
@@ -182,6 +199,26 @@ impl Reader<'_> {
         self.gives_elsewhere(word, found.is_some());
     }
 
+    /// A tool at the cursor is changed.
+    fn calibrated(&mut self) {
+        let (word, at) = (self.c.clone().word(), self.c.at as u32);
+        if self.declares(true, &self.frame_name(word), None) {
+            self.names.set_from(self.key(word), Origin::Computed(at));
+        }
+    }
+
+    /// Data that modules change which call routines of this one.
+    pub(super) fn changed_around(&mut self) {
+        let own = self.heads.keys().copied().collect();
+        let Some((called, around)) = self.elsewhere.around(&own) else { return };
+        let at = called.iter().filter_map(|name| self.heads.get(name)).min().copied().unwrap_or(0);
+        if around.displaces {
+            let what = "is called from a module beside the program that displaces the motions; they are corrected for where the text has them";
+            self.scan.problem(at, what);
+        }
+        around.sets.iter().for_each(|name| self.names.set_from(*name, Origin::Around(at as u32)));
+    }
+
     /// What a routine of another module does.
     pub(super) fn routine_elsewhere(&mut self, word: &[u8]) -> Option<&Outside> {
         let Self { elsewhere, outside, .. } = self;
@@ -200,8 +237,13 @@ impl Reader<'_> {
     /// What a call gives to a routine that this file does not have.
     fn gives_elsewhere(&mut self, word: &[u8], is_known: bool) {
         let (mut given, mut names) = (Vec::new(), Vec::new());
+        let at = self.c.at;
         self.each_argument(word, &mut |reader, key| {
+            reader.c.skip_space();
             let from = reader.c.at;
+            if is_known || reader.exports.is_some() {
+                reader.lend(key);
+            }
             if let Some(place) = reader.place() {
                 let text = reader.c.bytes.get(from..reader.c.at).unwrap_or(&[]);
                 if reader.exports.is_some() || place.name().is_some_and(|name| !reader.is_target(name)) {
@@ -210,6 +252,14 @@ impl Reader<'_> {
                 given.push((key, place));
             }
         });
+        // what goes to a target with a tool changes none
+        if !is_known && !given.iter().any(|(_, place)| place.name().is_none_or(|name| self.is_target(name))) {
+            for name in &names {
+                if self.declares(true, name, None) || self.declares(false, name, None) {
+                    self.lent_to_nobody.entry(hashed(name.as_bytes())).or_insert(at);
+                }
+            }
+        }
         self.give(word, is_known, given, names);
     }
 

@@ -177,6 +177,54 @@ fn other_modules_give_targets_to_routines_of_this_one_and_to_those_of_none() {
 }
 
 #[test]
+fn what_other_modules_change_before_they_call_a_routine_of_this_one_is_listed() {
+    let program = "MODULE Paths\nPERS tooldata tDev:=[TRUE,[[0,0,80],[1,0,0,0]],[1,[0,0,40],[1,0,0,0],0,0,0]];\n\
+        PERS wobjdata wPart:=[FALSE,TRUE,\"\",[[5,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\nPERS robtarget p:=TARGET;\n\
+        PROC path10()\nMoveL p,v1,fine,tDev\\WObj:=wPart;\nENDPROC\nENDMODULE\n";
+    let cell = "MODULE Cell\nPROC Frame(INOUT wobjdata w)\nw.oframe.trans.x:=cam;\nENDPROC\nPROC Other()\np.trans.x:=cam;\nENDPROC\n\
+        PROC path11()\nENDPROC\nENDMODULE\n";
+    let of = |folder: &str, before: &str| {
+        let main =
+            format!("MODULE Main\nPROC main()\n{before}\nTurn;\nENDPROC\nPROC Turn()\npath10;\nENDPROC\nENDMODULE\n");
+        let files = [("Paths.mod", program), ("Main.mod", &main), ("Cell.mod", cell)];
+        told(&checked(folder, IRB, &files)).2
+    };
+    assert_eq!(of("around", "SetDO x,1;"), [""; 0]);
+    for (folder, before, words) in [
+        (
+            "around_target",
+            "p.trans.x:=cam;",
+            "line 5: is called from a module beside the program that changes a target",
+        ),
+        ("around_routine", "Other;", "line 5: is called from a module beside the program that changes a target"),
+        ("around_frame", "wPart.oframe.trans.x:=cam;", "line 5: the work object 'wpart' is changed"),
+        ("around_lent", "Frame wPart;", "line 5: the work object 'wpart' is changed"),
+        ("around_displaced", "PDispSet shift;", "line 5: is called from a module beside the program that displaces"),
+    ] {
+        let problems = of(folder, before);
+        assert!(problems.len() == 1 && problems[0].contains(words), "{before}: {problems:?}");
+    }
+    // another program of the same folder has a routine of that name itself
+    let main = "MODULE Main\nPROC main()\np.trans.x:=cam;\npath10;\nENDPROC\nPROC path10()\nENDPROC\nENDMODULE\n";
+    assert_eq!(told(&checked("around_itself", IRB, &[("Paths.mod", program), ("Main.mod", main)])).2, [""; 0]);
+}
+
+#[test]
+fn a_work_object_that_a_routine_of_another_module_changes_is_listed() {
+    let program = "MODULE Main\nPERS tooldata tDev:=[TRUE,[[0,0,80],[1,0,0,0]],[1,[0,0,40],[1,0,0,0],0,0,0]];\n\
+        PERS wobjdata wPart:=[FALSE,TRUE,\"\",[[5,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\nPERS robtarget p:=TARGET;\n\
+        PROC main()\nMeasure 1,wPart;\nMoveL p,v1,fine,tDev\\WObj:=wPart;\nENDPROC\nENDMODULE\n";
+    let one = "MODULE One\nPROC Measure(num n,INOUT wobjdata w)\nDeeper w;\nENDPROC\nENDMODULE\n";
+    let other = "MODULE Other\nPROC Deeper(INOUT wobjdata w)\nw.oframe.trans.x:=cam;\nENDPROC\nENDMODULE\n";
+    let problems = told(&checked("lent", IRB, &[("Main.mod", program), ("One.mod", one), ("Other.mod", other)])).2;
+    assert!(problems.len() == 1 && problems[0].contains("line 6: the work object 'wpart' is changed"), "{problems:?}");
+    // a copy is changed
+    let copy = other.replace("INOUT ", "");
+    let problems = told(&checked("lent_copy", IRB, &[("Main.mod", program), ("One.mod", one), ("Other.mod", &copy)])).2;
+    assert!(problems.is_empty(), "{problems:?}");
+}
+
+#[test]
 fn global_routines_are_found_in_files_of_other_names() {
     let program = "DEF main()\nTOOL_DATA[2]={X 0,Y 0,Z 80,A 0,B 0,C 0}\nGRIP(1)\nPTP {A1 10,A2 -70,A3 85,A4 5,A5 60,A6 -7}\n\
         HIDDEN()\nEND\n";

@@ -386,4 +386,16 @@ pub(super) const RAPID: &[Case] = &[
         &[2, 3, 4],
         &[],
     ),
+    case(
+        "work objects that routines change and look at",
+        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nPERS wobjdata w:=[FALSE,TRUE,\"\",[[0,0,9],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\nCONST robtarget p:=@0;\nCONST robtarget q:=@1;\nPERS wobjdata v:=[FALSE,TRUE,\"\",[[0,0,8],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\nPROC main()\nMeasure 1,w;\nLook v,t;\nMoveL p,v1,fine,tool0\\WObj:=w;\nMoveL q,v1,fine,tool0\\WObj:=v;\nENDPROC\nPROC Measure(num n,INOUT wobjdata o)\nDeeper\\at:=o;\nENDPROC\nPROC Deeper(\\INOUT wobjdata at)\nat.oframe:=DefFrame(p1,p2,p3);\nENDPROC\nPROC Look(PERS wobjdata o,PERS tooldata held)\nx:=o.oframe.trans.x;\nENDPROC\n",
+        &[3, 4],
+        &[(7, "'w' is changed here")],
+    ),
+    case(
+        "tools and work objects that nobody knows whether they are changed",
+        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nPERS wobjdata w:=[FALSE,TRUE,\"\",[[0,0,9],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\nCONST robtarget p:=@0;\nCONST robtarget q:=@1;\nPROC main()\nMeasure w;\nGlueL p,v1,bead,t;\nMToolTCPCalib j1,j2,j3,j4,t,e1,e2;\nMoveL q,v1,fine,t\\WObj:=w;\nENDPROC\n",
+        &[3, 4],
+        &[(6, "'w' is given here to a routine"), (8, "'t' is changed here")],
+    ),
 ];

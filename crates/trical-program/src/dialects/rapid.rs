@@ -135,24 +135,18 @@ impl Reader<'_> {
         for setup in &self.scan.setups {
             for (what, name) in [("tool", &setup.tool), ("work object", &setup.frame)] {
                 let Some(name) = name else { continue };
-                let hash = hashed(name.as_bytes());
-                let what = format!("the {what} '{name}'");
-                let found = match (self.names.set_at(hash), self.lent_to_nobody.get(&hash)) {
-                    (Some(at), _) => (at, changed_here(&what)),
-                    (None, Some(at)) => (
-                        *at,
-                        format!(
-                            "{what} is given here to a routine that is in none of the files read and may change it"
-                        ),
-                    ),
+                let (hash, what) = (hashed(name.as_bytes()), format!("the {what} '{name}'"));
+                let found = match (self.changed_elsewhere.get(&hash), self.names.set_at(hash)) {
+                    (Some((at, how)), _) => (*at, format!("{what} {how}")),
+                    (None, Some(at)) => (at, changed_here(&what)),
                     (None, None) => continue,
                 };
-                if !told.contains(&found.0) {
-                    told.push(found.0);
-                    self.scan.problems.push(found);
+                if !told.contains(&found) {
+                    told.push(found);
                 }
             }
         }
+        self.scan.problems.extend(told);
     }
 
     pub(super) fn note(&mut self, note: impl FnOnce(&mut Effects)) {

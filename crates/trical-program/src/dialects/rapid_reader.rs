@@ -36,8 +36,8 @@ pub(super) struct Reader<'a> {
     pub(super) elsewhere: &'a dyn Elsewhere,
     /// What is given to routines that may change it.
     pub(super) lent: Vec<Lent>,
-    /// Tools and work objects that are given to routines that nobody has read, and where.
-    pub(super) lent_to_nobody: HashMap<u64, usize>,
+    /// Data that are changed elsewhere, or may be: where that begins, and how.
+    pub(super) changed_elsewhere: HashMap<u64, (usize, &'static str)>,
     /// Where the routines of this file begin.
     pub(super) heads: HashMap<u64, usize>,
     /// Routines of other modules that were asked for.
@@ -113,7 +113,7 @@ impl<'a> Reader<'a> {
             tables: HashSet::new(),
             elsewhere,
             lent: Vec::new(),
-            lent_to_nobody: HashMap::new(),
+            changed_elsewhere: HashMap::new(),
             heads: HashMap::new(),
             outside: HashMap::new(),
             within: String::new(),

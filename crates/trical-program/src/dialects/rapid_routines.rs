@@ -216,7 +216,11 @@ impl Reader<'_> {
             let what = "is called from a module beside the program that displaces the motions; they are corrected for where the text has them";
             self.scan.problem(at, what);
         }
-        around.sets.iter().for_each(|name| self.names.set_from(*name, Origin::Around(at as u32)));
+        let how = "is changed by a module beside the program, which calls the routine that begins here";
+        for name in around.sets {
+            self.names.set_from(name, Origin::Around(at as u32));
+            self.changed_elsewhere.insert(name, (at, how));
+        }
     }
 
     /// What a routine of another module does.
@@ -256,7 +260,8 @@ impl Reader<'_> {
         if !is_known && !given.iter().any(|(_, place)| place.name().is_none_or(|name| self.is_target(name))) {
             for name in &names {
                 if self.declares(true, name, None) || self.declares(false, name, None) {
-                    self.lent_to_nobody.entry(hashed(name.as_bytes())).or_insert(at);
+                    let how = "is given here to a routine that is in none of the files read and may change it";
+                    self.changed_elsewhere.entry(hashed(name.as_bytes())).or_insert((at, how));
                 }
             }
         }

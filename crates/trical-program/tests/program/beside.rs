@@ -197,8 +197,8 @@ fn what_other_modules_change_before_they_call_a_routine_of_this_one_is_listed() 
             "line 5: is called from a module beside the program that changes a target",
         ),
         ("around_routine", "Other;", "line 5: is called from a module beside the program that changes a target"),
-        ("around_frame", "wPart.oframe.trans.x:=cam;", "line 5: the work object 'wpart' is changed"),
-        ("around_lent", "Frame wPart;", "line 5: the work object 'wpart' is changed"),
+        ("around_frame", "wPart.oframe.trans.x:=cam;", "line 5: the work object 'wpart' is changed by a module"),
+        ("around_lent", "Frame wPart;", "line 5: the work object 'wpart' is changed by a module"),
         ("around_displaced", "PDispSet shift;", "line 5: is called from a module beside the program that displaces"),
     ] {
         let problems = of(folder, before);

@@ -28,6 +28,13 @@ pub enum Way {
     Said,
 }
 
+impl Way {
+    /// The element that the motion goes to, where it is one of an array and known.
+    fn element(self) -> Option<usize> {
+        if let Self::Element(k) = self { Some(k) } else { None }
+    }
+}
+
 /// Where data that a program sets come from.
 #[derive(Clone, Copy, Debug)]
 pub enum Origin {
@@ -352,7 +359,8 @@ impl Names {
                 }
                 continue;
             }
-            let is_given = self.visit_any(name, definitions.met(name), setup, way, at, scan);
+            let met = definitions.met(name, way.element());
+            let is_given = self.visit_any(name, met, setup, way, at, scan);
             if !is_given && is_motion && !self.origins.contains_key(&name) {
                 scan.problem(at as usize, problem());
             }
@@ -531,16 +539,19 @@ impl Names {
 
     /// A motion to the definitions of a name that it may meet, `met` or any; whether there is one of what it goes to.
     fn visit_any(&mut self, name: u64, met: Option<Vec<u32>>, setup: u32, way: Way, at: u32, scan: &mut Scan) -> bool {
-        let element = if let Way::Element(k) = way { Some(k) } else { None };
         // of many, that each may be the one is said once
-        let are_many = met.is_none() && self.all(name).nth(MOST_NAMES).is_some();
+        let are_many = match &met {
+            Some(met) => met.len() > MOST_NAMES,
+            None => self.all(name).nth(MOST_NAMES).is_some(),
+        };
+        let element = way.element();
         if are_many && !self.met_any.insert((name, setup, element)) {
             scan.relative.extend(matches!(way, Way::Near(..)).then_some(at));
             scan.visits.push(Visit::Unknown);
             return true;
         }
         let mut groups = met.unwrap_or_else(|| self.all(name).collect());
-        groups.retain(|k| match (element, self.part(*k)) {
+        groups.retain(|group| match (element, self.part(*group)) {
             (Some(element), Some(Part::Element(k))) => element == k,
             _ => true,
         });

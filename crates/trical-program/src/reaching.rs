@@ -8,8 +8,8 @@ use crate::scan::Fork;
 /// Definitions of one name that are told apart, at most; of more, a motion may meet any of the file.
 const MOST: usize = 50;
 
-/// Definitions in a routine and in what it calls, at most.
-const MOST_CALLED: usize = 1000;
+/// Definitions in a routine and in what it calls, and routines that it calls, at most.
+const MOST_CALLED: usize = 100;
 
 /// What of a name's data a definition gives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,6 +46,8 @@ pub struct Definitions {
     several: Vec<(u32, Definition)>,
     /// The same by the name.
     named: HashMap<u64, Vec<u32>>,
+    /// Of names of which elements are defined: the same by the element; under `None` what is no single element.
+    elements: HashMap<(u64, Option<usize>), Vec<u32>>,
     /// How many of them are passed.
     passed: usize,
     /// The step that ends a loop, by the one that begins it.
@@ -76,18 +78,30 @@ impl Definitions {
                 Fork::Other | Fork::Anywhere => {}
             }
         }
+        let element = |d: &Definition| if let Part::Element(k) = d.part { Some(k) } else { None };
+        let arrays: HashSet<u64> = several.iter().filter(|(_, d)| element(d).is_some()).map(|(_, d)| d.name).collect();
         let (mut named, mut within): (HashMap<_, Vec<_>>, HashMap<_, Vec<_>>) = Default::default();
+        let mut elements: HashMap<_, Vec<_>> = HashMap::new();
         for (k, (index, definition)) in several.iter().enumerate() {
             named.entry(definition.name).or_default().push(*index);
             within.entry(definition.within.unwrap_or_default()).or_default().push(k);
+            if arrays.contains(&definition.name) {
+                elements.entry((definition.name, element(definition))).or_default().push(*index);
+            }
         }
-        Self { several, named, loops, calls, within, ..Self::default() }
+        Self { several, named, elements, loops, calls, within, ..Self::default() }
     }
 
-    /// The definitions that a motion meets here; `None` is any.
+    /// The definitions that a motion to a name, or to an element of it, meets here; `None` is any.
     #[must_use]
-    pub fn met(&self, name: u64) -> Option<Vec<u32>> {
-        self.reaching.met(name)
+    pub fn met(&self, name: u64, element: Option<usize>) -> Option<Vec<u32>> {
+        let of = |element| self.elements.get(&(name, element));
+        let any = || {
+            of(element)
+                .filter(|_| element.is_some())
+                .map(|own| [own.as_slice(), of(None).map_or(&[], |all| all)].concat())
+        };
+        self.reaching.met(name).or_else(any)
     }
 
     /// To a step of the program.
@@ -277,10 +291,12 @@ mod tests {
             std::iter::empty(),
             HashMap::new(),
         );
+        assert_eq!(definitions.met(7, None), None);
+        assert_eq!(definitions.met(7, Some(1)), Some(vec![1, 2, 3, 4]));
         let expected: [&[u32]; 5] = [&[0, 1, 2, 3, 4], &[0, 1, 3, 4], &[0, 2, 3, 4], &[3], &[3, 4]];
         for (step, expected) in expected.iter().enumerate() {
             definitions.pass(step);
-            let mut met = definitions.met(7).unwrap();
+            let mut met = definitions.met(7, None).unwrap();
             met.sort_unstable();
             met.dedup();
             assert_eq!(met, *expected, "step {step}");
@@ -297,16 +313,16 @@ mod tests {
         let mut definitions = Definitions::new(several, forks.into_iter(), calls);
         definitions.pass(0);
         definitions.fork(0, Fork::Repeats);
-        assert_eq!(definitions.met(7), Some(vec![0, 1]));
+        assert_eq!(definitions.met(7, None), Some(vec![0, 1]));
         definitions.pass(2);
-        assert_eq!(definitions.met(7), Some(vec![1]));
+        assert_eq!(definitions.met(7, None), Some(vec![1]));
         definitions.fork(2, Fork::Closes);
-        assert_eq!(definitions.met(7), Some(vec![0, 1]));
+        assert_eq!(definitions.met(7, None), Some(vec![0, 1]));
         definitions.pass(3);
-        assert_eq!(definitions.met(8), Some(vec![2]));
+        assert_eq!(definitions.met(8, None), Some(vec![2]));
         definitions.call(20);
-        assert_eq!(definitions.met(8), Some(vec![2, 3]));
+        assert_eq!(definitions.met(8, None), Some(vec![2, 3]));
         definitions.fork(4, Fork::Anywhere);
-        assert_eq!(definitions.met(8), None);
+        assert_eq!(definitions.met(8, None), None);
     }
 }

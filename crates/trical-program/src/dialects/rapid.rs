@@ -38,7 +38,8 @@ const OTHERWISE: [(&[&[u8]], &str); 4] = [
 ];
 /// Values of external axes from here on mean that there is none (9E9).
 const NO_AXIS: f64 = 1e8;
-/// Kinds of data of which tables look like targets and are none. A record's kind, or one of another module, may be that of targets.
+/// Kinds of data of which tables look like targets and are none (`robax` is the name of a robjoint in a jointtarget). A record's kind, or
+/// one of another module, may be that of targets.
 const NO_TARGETS: [&[u8]; 9] =
     [b"num", b"dnum", b"byte", b"bool", b"intnum", b"errnum", b"robjoint", b"extjoint", b"robax"];
 /// Words that begin declarations of data.
@@ -84,11 +85,12 @@ pub fn for_others(bytes: &[u8], number: usize) -> Exports {
     reader.file();
     let moving = reader.names.moving();
     let Exports { mut routines, goes, given, own, .. } = reader.exports.take().unwrap_or_default();
-    let is_copy = |set: &u64| reader.routines.values().flatten().any(|p| p.scoped == *set && !p.by_reference);
+    let parameters = reader.routines.values().flatten();
+    let copies: HashSet<u64> = parameters.filter(|p| !p.by_reference).map(|p| p.scoped).collect();
     for name in reader.routines.keys() {
         let routine = routines.entry(*name).or_default();
         routine.moves = moving.contains(name);
-        routine.sets.retain(|set| !own.contains(set) && !is_copy(set));
+        routine.sets.retain(|set| !own.contains(set) && !copies.contains(set));
     }
     routines.retain(|name, _| reader.routines.contains_key(name));
     // motions to its own targets are nobody else's, unless it sets these from what others have
@@ -209,8 +211,8 @@ impl Reader<'_> {
             b'"' => self.c.skip_string(),
             b => {
                 self.c.at += 1;
-                if b == b';' && std::mem::take(&mut self.in_condition) {
-                    self.names.fork(Fork::Closes);
+                if b == b';' {
+                    (0..std::mem::take(&mut self.conditions)).for_each(|_| self.names.fork(Fork::Closes));
                 }
                 // a routine whose name the program puts together
                 if b == b'%' && self.c.peek() != b'%' && begins_line(self.c.bytes, from) {
@@ -286,17 +288,17 @@ impl Reader<'_> {
             self.locals.clear();
         } else if is(&[b"error", b"undo", b"backward", b"callbyvar"]) && begins_line(self.c.bytes, from) {
             self.names.fork(Fork::Anywhere);
-        } else if is(&[b"for", b"while"]) {
+        } else if is(&[b"for"]) {
             self.names.fork(Fork::Repeats);
-            if is(&[b"for"]) {
-                self.c.skip_space();
-                let name = self.c.word();
-                self.constants.forget(hashed(name));
-            }
+            self.c.skip_space();
+            let name = self.c.word();
+            self.constants.forget(hashed(name));
+        } else if is(&[b"while"]) {
+            self.names.fork(Fork::Repeats);
         } else if is(&[b"if"]) {
             // `IF c THEN ... ENDIF`, or one instruction behind the condition
             self.names.fork(Fork::Opens);
-            self.in_condition = !mentions(self.c.clone().until(b";"), b"THEN");
+            self.conditions += usize::from(!mentions(self.c.clone().until(b";"), b"THEN"));
         } else if is(&[b"test"]) {
             self.names.fork(Fork::Opens);
         } else if is(&[b"elseif", b"else", b"case", b"default"]) {
@@ -441,12 +443,12 @@ impl Reader<'_> {
         let text = name.text(self.c.bytes);
         let hash = hashed(text);
         self.own(text);
-        if !self.within.is_empty() {
-            // of a routine
-        } else if let Some(exports) = &mut self.exports {
-            exports.own.insert(hash);
-        } else if self.is_local {
-            self.wanted.remove(&hash);
+        if self.within.is_empty() {
+            match &mut self.exports {
+                Some(exports) => drop(exports.own.insert(hash)),
+                None if self.is_local => drop(self.wanted.remove(&hash)),
+                None => {}
+            }
         }
         self.c.skip_space();
         if self.c.peek() == b'{' {

@@ -19,8 +19,8 @@ pub(super) struct Reader<'a> {
     pub(super) name: Span,
     /// Elements of the list that is being read.
     pub(super) elements: Vec<Element>,
-    /// Whether the instruction that is being read stands behind the condition of an `IF` without `THEN`.
-    pub(super) in_condition: bool,
+    /// Conditions of an `IF` without `THEN` behind which the instruction stands that is being read.
+    pub(super) conditions: usize,
     /// Routines of this file, and which targets, tools and work objects they get.
     pub(super) routines: HashMap<u64, Vec<Parameter>>,
     /// Those that are functions.
@@ -104,7 +104,7 @@ impl<'a> Reader<'a> {
             constants: Constants::with_degrees(),
             name: Span::default(),
             elements: Vec::new(),
-            in_condition: false,
+            conditions: 0,
             routines,
             functions,
             locals: HashMap::new(),

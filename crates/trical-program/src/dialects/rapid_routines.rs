@@ -202,8 +202,10 @@ impl Reader<'_> {
     /// A tool at the cursor is changed.
     fn calibrated(&mut self) {
         let (word, at) = (self.c.clone().word(), self.c.at as u32);
-        if self.declares(true, &self.frame_name(word), None) {
-            self.names.set_from(self.key(word), Origin::Computed(at));
+        if self.exports.is_some() || self.declares(true, &self.frame_name(word), None) {
+            let name = self.key(word);
+            self.note(|routine| routine.set(name));
+            self.names.set_from(name, Origin::Computed(at));
         }
     }
 

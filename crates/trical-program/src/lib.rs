@@ -27,6 +27,7 @@
 //! | [`literal`] | numbers as poses and joint values, both ways |
 //! | [`text`], [`expression`] | bytes, numbers, lines; constant expressions |
 //! | [`flow`] | which of them routines, branches and loops leave |
+//! | [`reaching`] | which definitions of a name a motion may meet |
 //! | [`elsewhere`], [`modules`] | what other files of the program have |
 //! | [`frames`] | tools and work objects, `--frames` files |
 //! | [`branch`] | configurations |
@@ -47,6 +48,7 @@ pub mod literal;
 pub mod modules;
 pub mod names;
 pub mod options;
+pub mod reaching;
 pub mod report;
 pub mod rewriting;
 pub mod scan;

@@ -7,7 +7,6 @@ use super::targets::{next_argument, skip_name};
 use super::{DEEPEST, FORWARD, HERE, KINEMATICS, Literal, Reader};
 use crate::branch::Configuration;
 use crate::frames::AT;
-use crate::literal::Shape;
 use crate::names::{Origin, Way};
 use crate::scan::{Setup, Visit};
 use crate::text::{Span, lower};
@@ -240,10 +239,7 @@ impl Reader<'_> {
         self.c.skip_space();
         let start = self.c;
         let (literal, base) = (self.literal(), self.c.word());
-        let frame = match literal {
-            Literal::Numbers(Shape::RotationVector, spans) => self.pose(&spans),
-            _ => self.values.get(&self.key(base)).copied().flatten(),
-        };
+        let frame = self.pose(&literal, base);
         let is_target = self.moved_to.contains(&self.key(base));
         if let (false, Some(pose)) = (is_target, frame)
             && self.c.eat(b',')

@@ -286,7 +286,7 @@ impl<'a> Reader<'a> {
         } else if is(&[b"RETURN"]) {
             flow.returns(now);
         } else if is(&[b"INTERRUPT"]) {
-            flow.called(before_bracket(c), now);
+            flow.interrupt(before_bracket(c));
         } else if is(&[b"LOOP", b"WHILE", b"FOR", b"REPEAT"]) {
             flow.repeat(from, now);
             names.fork(Fork::Repeats);
@@ -525,7 +525,7 @@ impl<'a> Reader<'a> {
         if is_one_of(word, &HERE) {
             self.names.visit(Visit::Unknown);
         } else {
-            let setup = self.scan.setup(self.now.clone());
+            let setup = self.moves();
             self.names.used(self.key(word, at), setup, way, at);
         }
         if self.c.peek() == b'[' {
@@ -534,11 +534,17 @@ impl<'a> Reader<'a> {
         true
     }
 
+    /// The setup of a motion here.
+    fn moves(&mut self) -> u32 {
+        self.flow.moves(&self.now);
+        self.scan.setup(self.now.clone())
+    }
+
     /// The motion to a target that is written out at `at`.
     fn goes_to(&mut self, at: usize, found: &Aggregate<'_>) -> Visit {
         match (self.target(found, Span::default()), found.unread()) {
             (Some(spot), _) => {
-                let setup = self.scan.setup(self.now.clone());
+                let setup = self.moves();
                 self.scan.assign(spot, setup);
                 return Visit::To(spot);
             }

@@ -173,6 +173,18 @@ pub(super) const KRL: &[Case] = &[
         &[(10, "called")],
     ),
     case(
+        "routines of interrupts",
+        "TOOL_DATA[1]={X 18.0,Y -12.0,Z 118.0,A 0.0,B 0.0,C 0.0}\nDEF MAIN( )\nINTERRUPT DECL 5 WHEN $IN[1]==TRUE DO FOUND( )\nBAS(#BASE,0)\nBAS(#TOOL,0)\nLIN {@0}\nBAS(#TOOL,1)\nINTERRUPT ON 5\nGO( )\nEND\nDEF FOUND( )\nBRAKE\nLIN {@1}\nEND\nDEF GO( )\nLIN {@2}\nEND\n",
+        &[6, 16],
+        &[(13, "interrupt")],
+    ),
+    case(
+        "the routine of an interrupt, with one tool all along",
+        "TOOL_DATA[1]={X 18.0,Y -12.0,Z 118.0,A 0.0,B 0.0,C 0.0}\nDEF MAIN( )\nINTERRUPT DECL 5 WHEN $IN[1]==TRUE DO FOUND( )\nBAS(#BASE,0)\nBAS(#TOOL,1)\nLIN {@0}\nGO( )\nEND\nDEF FOUND( )\nBRAKE\nLIN {@1}\nBAS(#TOOL,0)\nLIN {@2}\nEND\nDEF GO( )\nLIN {@3}\nEND\n",
+        &[6, 11, 13, 16],
+        &[],
+    ),
+    case(
         "tools of one motion and of a spline",
         "TOOL_DATA[1]={X 18.0,Y -12.0,Z 118.0,A 0.0,B 0.0,C 0.0}\nBAS(#TOOL,7)\nSLIN {@0} WITH $VEL.CP=0.2, $TOOL=TOOL_DATA[1]\nSLIN {@1}\nSPLINE WITH $TOOL=TOOL_DATA[1]\nSPL {@2}\nENDSPLINE\nLIN {@3}\nBAS(#TOOL,1)\nSLIN {@4} WITH $TOOL=TOOL_DATA[7]\n",
         &[3, 6],

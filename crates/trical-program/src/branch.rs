@@ -18,9 +18,9 @@ pub enum Configuration {
     /// KUKA's status and turn, where given.
     Kuka {
         /// Status.
-        s: Option<u8>,
-        /// Turn: bit i is set where joint i + 1 is below zero.
-        t: Option<u8>,
+        s: Option<u16>,
+        /// Turn: bit i is set where joint i + 1 is below zero; behind those of the arm are external axes.
+        t: Option<u16>,
     },
     /// FANUC's flip, up, front.
     Fanuc {
@@ -151,7 +151,7 @@ impl Branches {
                         bits ^= 1 << i;
                     }
                 }
-                [(bits != *t).then_some(i16::from(bits)), None, None]
+                [i16::try_from(bits).ok().filter(|_| bits != *t), None, None]
             }
             _ => [None; 3],
         }

@@ -167,9 +167,9 @@ impl Aggregate<'_> {
         numbers?.try_into().ok()
     }
 
-    /// The first field of a target, tool or base that has no value.
+    /// The first field of a target, tool or base that has no value before the program runs.
     fn unread(&self) -> Option<Span> {
-        let is_read = |name| [&POSE[..], &AXES, &OTHERS].iter().any(|list| is_one_of(name, list));
+        let is_read = |name| [&POSE[..], &AXES, &EXTERNAL, &OTHERS].iter().any(|list| is_one_of(name, list));
         self.0.iter().filter(|(name, _)| is_read(name)).find_map(|(_, value)| value.err())
     }
 }
@@ -614,19 +614,21 @@ impl<'a> Reader<'a> {
     }
 
     fn target(&mut self, found: &Aggregate<'_>, name: Span) -> Option<u32> {
+        if found.unread().is_some() {
+            return None;
+        }
         let bytes = self.c.bytes;
         let spot = if let Some(spans) = found.all(&POSE) {
             let (status, turn) = (found.number(b"S"), found.number(b"T"));
             let small = |s: Option<Span>| {
-                s.and_then(|s| self.scan.value(s, bytes)).filter(|v| (0.0..256.0).contains(v)).map(|v| v as u8)
+                s.and_then(|s| self.scan.value(s, bytes)).filter(|v| (0.0..4096.0).contains(v)).map(|v| v as u16)
             };
             let configuration = match (status, turn) {
                 (None, None) => Configuration::Free,
                 _ => Configuration::Kuka { s: small(status), t: small(turn) },
             };
             let mut list = spans.to_vec();
-            // a turn in binary is longer than what would replace it
-            list.extend(turn.filter(|t| !t.text(bytes).starts_with(b"'")));
+            list.extend(turn);
             self.scan.push(Shape::Zyx, &list, configuration, name)
         } else {
             self.scan.push(Shape::JointsDeg, &found.all(&AXES)?, Configuration::Free, name)

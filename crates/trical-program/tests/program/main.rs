@@ -13,6 +13,7 @@ use fixtures::{
     IRB, KR6, device, flange, gripper, joints, mm, nominal, numbers, programs, quadrant, quaternion, rapid, real,
 };
 use proptest::prelude::*;
+use trical_model::pose::angles_zyx;
 use trical_model::{
     Axis, Basis, Forward, MAX_JOINTS, Model, Motion, Shape, Site, State, Support, Term, Tool, Variable,
 };
@@ -369,6 +370,23 @@ fn a_quadrant_that_the_correction_crosses_is_rewritten() {
     assert!(cf != [0, 0, 0], "{j:?}");
     let text = String::from_utf8(out).unwrap();
     assert!(text.contains(&format!("[{},{},{},0]", cf[0], cf[1], cf[2])), "{text} {j:?}");
+}
+
+#[test]
+fn a_turn_is_read_and_written_in_its_own_form() {
+    let n = nominal(KR6);
+    // joint 4 comes to the other side of zero
+    let q = [10.0, -80.0, 95.0, 0.0, 45.0, -10.0];
+    let p = flange(&n, &q).compose(&device());
+    let [a, b, c] = angles_zyx(&p.rotation).map(|a| format!("{:.9}", a.to_degrees()));
+    let [x, y, z] = mm(&p).map(|x| format!("{x:.7}"));
+    for (old, new) in [("42", "34"), ("'B101010'", "'B100010'"), ("'b0101010'", "'b0100010'"), ("'H2a'", "'H22'")] {
+        let text = format!("PTP {{X {x},Y {y},Z {z},A {a},B {b},C {c},S 2,T {old}}}\n");
+        let (out, report) = run(text.as_bytes(), Dialect::Krl, &n, &real(&n), &Frames::default());
+        assert!(report.rows[0].joints[3] > 0.0, "{:?}", report.rows[0].joints);
+        let out = String::from_utf8(out).unwrap();
+        assert!(out.contains(&format!("T {new}}}")), "{out}");
+    }
 }
 
 #[test]

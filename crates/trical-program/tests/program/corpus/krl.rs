@@ -85,6 +85,12 @@ pub(super) const KRL: &[Case] = &[
         &[],
     ),
     case(
+        "a turn and an external axis that nobody can read",
+        "LIN {@0}\nPTP {@0,S 2,T MYT}\nPTP {@0,E1 TRACK}\nDECL E6POS XP1={@0,S MYS,T 2}\nPTP XP1\n",
+        &[1],
+        &[(2, "'MYT'"), (3, "'TRACK'"), (4, "'MYS'")],
+    ),
+    case(
         "external axes",
         "DECL E6POS XP1={@0,E1 1200.0,E2 0.0}\nDECL E6AXIS XP2={A1 5,A2 -80,A3 95.5,A4 3,A5 40,A6 -7,E1 -300}\nDECL E6POS XP3={@0,E1 0.0,E2 0.0}\nPTP XP1\nPTP XP2\nPTP XP3\n",
         &[3],

@@ -125,6 +125,8 @@ struct Fields<'a> {
     /// Coordinates and joints by name; nothing where a value is no number.
     numbers: Vec<(&'a [u8], Option<Span>)>,
     configuration: Option<Configuration>,
+    /// Turn numbers of the configuration.
+    turns: Option<[(Span, i16); 3]>,
     tool: Option<String>,
     frame: Option<String>,
     /// Whether a value is `***`.
@@ -167,7 +169,8 @@ impl<'a> Fields<'a> {
         if c.peek() == b'\'' {
             let start = c.at;
             c.skip_string();
-            match config(&c.bytes[start..c.at]) {
+            self.turns = turns(c, start);
+            match config(&c.bytes[start..c.at], self.turns.map(|all| all.map(|(_, turn)| turn))) {
                 Some(found) => self.configuration = Some(found),
                 None => {
                     let text = String::from_utf8_lossy(&c.bytes[start..c.at.min(start + 40)]).into_owned();
@@ -239,8 +242,11 @@ fn position(
         names.listed(hash);
         return;
     }
-    let spot = match &pose {
-        Some(pose) => scan.push(Shape::Xyz, pose, found.configuration.unwrap_or(Configuration::Free), name),
+    let spot = match pose {
+        Some(mut numbers) => {
+            numbers.extend(found.turns.iter().flatten().map(|(span, _)| *span));
+            scan.push(Shape::Xyz, &numbers, found.configuration.unwrap_or(Configuration::Free), name)
+        }
         None => scan.push(Shape::JointsFanuc, &joints, Configuration::Free, name),
     };
     let external = [b"E1", b"E2", b"E3"].map(|axis| found.number(axis)?.value(c.bytes));
@@ -250,15 +256,27 @@ fn position(
     names.define(hash, spot as usize, spot as usize + 1);
 }
 
-/// `'N U T, 0, 0, 0'`; `None` where letters stand there that mean something else.
-fn config(text: &[u8]) -> Option<Configuration> {
+/// The turn numbers in `'N U T, 0, 0, 0'`, which stands from `at` to the cursor.
+fn turns(c: &Cursor<'_>, at: usize) -> Option<[(Span, i16); 3]> {
+    let mut inside = Cursor::new(c.bytes.get(..c.at)?, 0);
+    inside.at = at;
+    let mut next = || {
+        inside.skip_to(b",");
+        let number = inside.eat_in_line(b',').then(|| inside.number())??;
+        Some((number, number.value(c.bytes)? as i16))
+    };
+    Some([next()?, next()?, next()?])
+}
+
+/// `'N U T, 0, 0, 0'`, with these turn numbers; `None` where letters stand there that mean something else.
+fn config(text: &[u8], turns: Option<[i16; 3]>) -> Option<Configuration> {
     let words = || text.split(|b| !b.is_ascii_alphanumeric()).filter(|w| w.iter().any(u8::is_ascii_alphabetic));
     let has = |b: u8| words().any(|w| w == [b]);
     if words().next().is_none() {
         return Some(Configuration::Free);
     }
     let whole = (has(b'N') || has(b'F')) && (has(b'U') || has(b'D')) && (has(b'T') || has(b'B'));
-    whole.then(|| Configuration::Fanuc { flip: has(b'F'), up: has(b'U'), front: has(b'T') })
+    whole.then(|| Configuration::Fanuc { flip: has(b'F'), up: has(b'U'), front: has(b'T'), turns })
 }
 
 /// Whether a line has this word, with nothing of a name before it.

@@ -10,7 +10,8 @@ mod rail;
 mod sink;
 
 use fixtures::{
-    IRB, KR6, device, flange, gripper, joints, mm, nominal, numbers, programs, quadrant, quaternion, rapid, real,
+    IRB, KR6, LR, device, flange, gripper, joints, mm, nominal, numbers, pose, programs, quadrant, quaternion, rapid,
+    real,
 };
 use proptest::prelude::*;
 use trical_model::pose::angles_zyx;
@@ -387,6 +388,29 @@ fn a_turn_is_read_and_written_in_its_own_form() {
         let out = String::from_utf8(out).unwrap();
         assert!(out.contains(&format!("T {new}}}")), "{out}");
     }
+}
+
+#[test]
+fn turns_of_a_fanuc_are_read_and_rewritten_where_a_joint_crosses_them() {
+    let n = nominal(LR);
+    let mut crossed = 0;
+    for (q6, turn) in [(190.0, 1), (-170.0, 0), (179.99999, 0), (-179.99999, 0)] {
+        let q = [10.0, 12.0, -8.0, 20.0, -50.0, q6];
+        let p = pose(0.0, 0.0, 330.0, 0.0, 0.0, 0.0).inverse().compose(&flange(&n, &q));
+        let [a, b, c] = angles_zyx(&p.rotation).map(|a| format!("{:.9}", a.to_degrees()));
+        let [x, y, z] = mm(&p).map(|x| format!("{x:.7}"));
+        let text = format!(
+            "/PROG A\n/MN\n   1:L P[1] 100mm/sec FINE ;\n/POS\nP[1]{{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, {turn}',\n\tX = {x} mm, Y = {y} mm, Z = {z} mm, W = {c} deg, P = {b} deg, R = {a} deg\n}};\n/END\n"
+        );
+        let (out, report) = run(text.as_bytes(), Dialect::Fanuc, &n, &real(&n), &Frames::default());
+        let reached = report.rows[0].joints[5].to_degrees();
+        assert!((reached - q6).abs() < 1.0, "{q6}: {reached}");
+        let now = ((reached + 180.0) / 360.0).floor() as i32;
+        crossed += i32::from(now != turn);
+        let out = String::from_utf8(out).unwrap();
+        assert!(out.contains(&format!("'N U T, 0, 0, {now}'")), "{q6}: {reached}\n{out}");
+    }
+    assert_eq!(crossed, 1);
 }
 
 #[test]

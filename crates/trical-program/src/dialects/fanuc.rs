@@ -293,7 +293,7 @@ fn has(line: &[u8], word: &[u8]) -> bool {
 const STATEMENTS: &str = " J L C S A P PR R F M DO DI RO RI GO GI AO AI SO SI UO UI WO WI SR AR VR TIMER IF ELSE ENDIF SELECT FOR ENDFOR \
     WAIT JMP LBL CALL RUN OVERRIDE PAUSE ABORT END MESSAGE UALM UFRAME UTOOL PAYLOAD SKIP OFFSET TOOL COL MONITOR RSR LOCK UNLOCK JOINT \
     LINEAR ERROR RESUME STRLEN SUBSTR FINDSTR VISION ARC WEAVE TRACK TC DIAG TORQ PULSE BREAK SOFTFLOAT STOP LINE SENSOR POINT PERCH \
-    DEFAULT EG ";
+    DEFAULT EG INDEPENDENT SIMULTANEOUS ";
 
 /// Beginnings of statements behind which motions end elsewhere than they say, until one of the same kind says END.
 const DISPLACES: [&[u8]; 2] = [b"TRACK ", b"TOUCH OFFSET "];
@@ -393,6 +393,8 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
             scan.problem(offset, what);
         } else if moves(&upper) {
             motion(&upper, &all, offset, scan, names);
+        } else if let Some((at, own)) = of_first_group(&upper) {
+            motion(own, &places(own), offset + at, scan, names);
         }
     }
 }
@@ -418,6 +420,22 @@ fn moves(upper: &[u8]) -> bool {
     matches!(upper.first(), Some(b'J' | b'L' | b'C' | b'S' | b'A'))
         && !upper.get(1).is_some_and(u8::is_ascii_alphanumeric)
         || matches!(upper.get(..2), Some(b"P[" | b"PR"))
+}
+
+/// What moves motion group 1 in a statement that moves several (`GP1 J P[1] 100% FINE`, in lines of its own), and its offset.
+fn of_first_group(upper: &[u8]) -> Option<(usize, &[u8])> {
+    let mut found = None;
+    let mut at = 0;
+    for line in upper.split_inclusive(|b| *b == b'\n') {
+        let text = statement(line);
+        match (found, text.strip_prefix(b"GP1")) {
+            (Some(from), _) if text.starts_with(b"GP") => return Some((from, &upper[from..at])),
+            (None, Some(motion)) => found = Some(at + line.len() - motion.trim_ascii_start().len()),
+            _ => {}
+        }
+        at += line.len();
+    }
+    found.map(|from| (from, &upper[from..]))
 }
 
 /// Where a motion goes that goes to no position and no register, `PAL_1[A_1]`.

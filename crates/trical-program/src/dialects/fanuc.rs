@@ -93,12 +93,19 @@ fn tracks_line(bytes: &[u8], end: usize) -> Option<usize> {
     (c.eat_in_line(b':') && c.number()?.value(bytes)? != 0.0).then_some(at)
 }
 
-/// The tool or frame that the program activates: nothing where it says none; an error where it says several, or calculates it.
+/// The tool or frame that the program activates for the arm: nothing where it says none; an error where it says several, or
+/// calculates it.
 fn active(main: &[u8], what: &str) -> Result<Option<String>, String> {
     let mut found: Option<String> = None;
     for line in main.split(|b| *b == b'\n') {
         let text = statement(line).to_ascii_uppercase();
         let Some(rest) = text.strip_prefix(what.as_bytes()).map(<[u8]>::trim_ascii_start) else { continue };
+        let close = rest.iter().position(|b| *b == b']').filter(|_| rest.starts_with(b"["));
+        let (groups, rest) = rest.split_at(close.map_or(0, |k| k + 1));
+        if !groups.is_empty() && !groups.contains(&b'1') {
+            continue;
+        }
+        let rest = rest.trim_ascii_start();
         let Some(rest) = rest.strip_prefix(b"=").map(<[u8]>::trim_ascii_start) else { continue };
         let digits: Vec<u8> = rest.iter().copied().take_while(u8::is_ascii_digit).collect();
         let number = lower(&digits);

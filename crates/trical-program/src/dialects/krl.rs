@@ -96,7 +96,7 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
             names: Names::default(),
             named: &named,
             routines: &routines,
-            constants: Constants::with_degrees(),
+            constants: Constants::with_integers(),
             now: Setup::default(),
             spline: None,
             flow,
@@ -209,7 +209,7 @@ impl<'a> Reader<'a> {
                 continue;
             }
             if is_one_of(word, &[b"REAL", b"INT"]) {
-                self.number(before.eq_ignore_ascii_case(b"CONST"));
+                self.number(before.eq_ignore_ascii_case(b"CONST"), word.eq_ignore_ascii_case(b"INT"));
             } else if is_one_of(word, &MOTIONS) {
                 let before = self.now.clone();
                 self.with();
@@ -312,7 +312,7 @@ impl<'a> Reader<'a> {
     }
 
     /// `CONST REAL H=200`, and `REAL H,K`: a variable is another one than a constant of its name elsewhere.
-    fn number(&mut self, is_constant: bool) {
+    fn number(&mut self, is_constant: bool, is_integer: bool) {
         loop {
             self.c.skip_blank();
             let name = self.c.word();
@@ -321,6 +321,7 @@ impl<'a> Reader<'a> {
             }
             let is_given = is_constant && self.c.eat_in_line(b'=');
             match self.constants.expression(&mut self.c).filter(|_| is_given) {
+                Some((_, value)) if is_integer => self.constants.define_integer(hashed(name), value),
                 Some((_, value)) => self.constants.define(hashed(name), value),
                 None => self.constants.forget(hashed(name)),
             }

@@ -594,4 +594,10 @@ fn a_table_in_other_units_and_with_angles_is_the_same_table() {
     );
     let twice = refused(b"x_mm,y_mm,z_mm,qw,qx,qy,qz,roll_deg,pitch_deg,yaw_deg\n", Dialect::Csv);
     assert!(twice.contains("twice"), "{twice}");
+    for (header, words) in
+        [("x_mm,y_mm,z_mm,qw,qx,qy,qz,x_m,y_m,z_m\n", "x_mm and x_m"), ("q1_deg,q2_deg,q1_deg\n", "q1_deg and q1_deg")]
+    {
+        let same = refused(header.as_bytes(), Dialect::Csv);
+        assert!(same.contains(words), "{same}");
+    }
 }

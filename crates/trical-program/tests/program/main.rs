@@ -374,6 +374,19 @@ fn a_quadrant_that_the_correction_crosses_is_rewritten() {
 }
 
 #[test]
+fn a_first_target_without_a_configuration_gets_a_caution_whether_a_motion_names_it_or_not() {
+    let n = nominal(KR6);
+    let p = flange(&n, &[10.0, -80.0, 95.0, 20.0, 45.0, -10.0]).compose(&device());
+    let [a, b, c] = angles_zyx(&p.rotation).map(|a| format!("{:.7}", a.to_degrees()));
+    let [x, y, z] = mm(&p).map(|x| format!("{x:.5}"));
+    let place = format!("{{X {x},Y {y},Z {z},A {a},B {b},C {c}}}");
+    for text in [format!("DECL E6POS P[2]\nP[1]={place}\nLIN P[I]\n"), format!("DECL E6POS XP1={place}\n")] {
+        let (_, report) = run(text.as_bytes(), Dialect::Krl, &n, &n, &Frames::default());
+        assert!(report.cautions.iter().any(|c| c.contains("in which configuration")), "{text}: {report:?}");
+    }
+}
+
+#[test]
 fn a_turn_is_read_and_written_in_its_own_form() {
     let n = nominal(KR6);
     // joint 4 comes to the other side of zero

@@ -272,7 +272,7 @@ impl Reader<'_> {
         let (start, inside) = (self.c.at, self.c);
         match self.origin(0) {
             Some(None) => self.names.visit(Visit::Unknown),
-            Some(Some(name)) => match (self.own_frame(name), frame) {
+            Some(Some(name)) if !self.is_known_frame(name) => match (self.own_frame(name), frame) {
                 (Some(_), Some(_)) => {
                     self.names.visit(Visit::Unknown);
                     self.scan.goes_to_calculated(at);
@@ -284,10 +284,15 @@ impl Reader<'_> {
                     self.names.used(name, setup, Way::Computed, start);
                 }
             },
-            None => {
+            _ => {
                 self.names.visit(Visit::Unknown);
                 self.scan.goes_to_calculated(at);
             }
         }
+    }
+
+    /// Whether a name stands for a frame of the script, and for no target.
+    fn is_known_frame(&self, name: u64) -> bool {
+        self.values.get(&name).is_some_and(Option::is_some) && !self.moved_to.contains(&name)
     }
 }

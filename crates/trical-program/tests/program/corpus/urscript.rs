@@ -102,6 +102,12 @@ pub(super) const URSCRIPT: &[Case] = &[
         &[(4, "set_tcp"), (10, "'plane'")],
     ),
     case(
+        "relative to a place in a plane",
+        "plane=p[0,0,0,0,0,0]\nmovel(pose_trans(pose_trans(plane,p[@0]),p[0,0,-0.05,0,0,0]))\nmovel(p[@1])\n",
+        &[3],
+        &[(2, "calculates")],
+    ),
+    case(
         "under force",
         "movel(p[@0])\nforce_mode(p[0,0,0,0,0,0],[0,0,1,0,0,0],[0,0,-10,0,0,0],2,[0.1,0.1,0.05,0.3,0.3,0.3])\nmovel(p[@1])\nend_force_mode()\nmovel(p[@2])\n",
         &[1, 3, 5],

@@ -1,5 +1,7 @@
 //! What a program uses and other files have: routines that it calls, tools and frames.
 
+use std::collections::{BTreeSet, HashSet};
+
 use crate::frames::{Frames, ToolFrame};
 pub use crate::scan::Outside;
 use crate::scan::Setup;
@@ -53,6 +55,12 @@ pub trait Elsewhere {
     fn motions(&self, name: u64) -> Vec<Motion<'_>> {
         let _ = name;
         Vec::new()
+    }
+
+    /// Which of a file's own routines other files call, and what these do around that.
+    fn around(&self, own: &HashSet<u64>) -> Option<(BTreeSet<u64>, Outside)> {
+        let _ = own;
+        None
     }
 
     /// Arguments of routines and data, and the names that other files set them from.

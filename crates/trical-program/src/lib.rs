@@ -47,6 +47,7 @@ pub mod literal;
 pub mod modules;
 pub mod names;
 pub mod options;
+pub mod reaching;
 pub mod report;
 pub mod rewriting;
 pub mod scan;

@@ -106,9 +106,22 @@ impl Modules {
         found
     }
 
+    /// What routines do, if there are such; what a routine sets that is given to it, is set where it is given.
+    fn together(&self, routines: impl IntoIterator<Item = u64>) -> Option<Outside> {
+        let (mut out, mut lends, mut seen) = (Outside::default(), Vec::new(), HashSet::new());
+        let found = routines.into_iter().filter(|key| self.gather(*key, &mut out, &mut lends, &mut seen)).count();
+        let mut sets: HashSet<u64> = out.sets.iter().copied().collect();
+        while let Some(k) = lends.iter().position(|(_, to)| sets.contains(to)) {
+            let (name, _) = lends.swap_remove(k);
+            if sets.insert(name) {
+                out.sets.push(name);
+            }
+        }
+        (found > 0).then_some(out)
+    }
+
     /// What a routine does, and what it calls in turn.
-    fn gather(&self, name: &str, out: &mut Outside, seen: &mut HashSet<u64>) -> bool {
-        let key = hashed(name.as_bytes());
+    fn gather(&self, key: u64, out: &mut Outside, lends: &mut Vec<(u64, u64)>, seen: &mut HashSet<u64>) -> bool {
         if !seen.insert(key) {
             return true;
         }
@@ -117,12 +130,13 @@ impl Modules {
             out.moves |= one.moves;
             out.displaces |= one.displaces;
             out.sets.extend(&one.sets);
+            lends.extend(&one.lends);
         }
         let mut next: Vec<&String> = all.iter().flat_map(|one| &one.calls).collect();
         next.dedup();
         // what no module has may move the arm
         for called in next {
-            let known = seen.len() < MOST && self.gather(called, out, seen);
+            let known = seen.len() < MOST && self.gather(hashed(called.as_bytes()), out, lends, seen);
             out.moves |= !known;
         }
         !all.is_empty()
@@ -131,8 +145,28 @@ impl Modules {
 
 impl Elsewhere for Modules {
     fn routine(&self, name: &str) -> Option<Outside> {
-        let mut out = Outside::default();
-        self.gather(name, &mut out, &mut HashSet::new()).then_some(out)
+        self.together([hashed(name.as_bytes())])
+    }
+
+    fn around(&self, own: &HashSet<u64>) -> Option<(BTreeSet<u64>, Outside)> {
+        let (mut called, mut callers) = (BTreeSet::new(), BTreeSet::new());
+        loop {
+            let before = callers.len();
+            for module in self.all() {
+                // what a module has itself, it does not call elsewhere
+                let is_own = |name: &u64| own.contains(name) && !module.routines.contains_key(name);
+                for (key, routine) in &module.routines {
+                    let calls = || routine.calls.iter().map(|name| hashed(name.as_bytes()));
+                    called.extend(calls().filter(is_own));
+                    if calls().any(|name| is_own(&name) || callers.contains(&name)) {
+                        callers.insert(*key);
+                    }
+                }
+            }
+            if callers.len() == before {
+                return self.together(callers).map(|out| (called, out));
+            }
+        }
     }
 
     fn tool(&self, name: &str) -> Option<Result<ToolFrame, String>> {

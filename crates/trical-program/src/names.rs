@@ -5,6 +5,7 @@ use std::collections::{HashMap, HashSet};
 
 use nalgebra::Vector3;
 
+use crate::reaching::{Definition, Definitions, Part};
 use crate::scan::{Fork, OWN_SETUP, Scan, Visit};
 use crate::text::Cursor;
 
@@ -41,6 +42,8 @@ pub enum Origin {
     Here,
     /// From a calculation (at this offset) that only the running program does.
     Computed(u32),
+    /// From a module that calls the routine at this offset.
+    Around(u32),
     /// Perhaps from a routine that is called at this offset and that nobody has read.
     Perhaps(u32),
 }
@@ -59,8 +62,12 @@ pub struct Names {
     origins: HashMap<u64, Vec<Origin>>,
     /// Names with others that they are set from.
     copies: HashSet<(u64, u64)>,
-    /// Names whose calculations, or sources, were listed.
-    settled: HashSet<(u64, bool)>,
+    /// Names whose calculations were listed.
+    settled: HashSet<u64>,
+    /// Names whose sources were followed, by the setups of the motions that go there.
+    followed_on: HashSet<(u64, u32)>,
+    /// Names with many definitions to any of which motions go: with which setups, and to which elements.
+    met_any: HashSet<(u64, u32, Option<usize>)>,
     /// What was found of names without data, by the setups of the motions that go there.
     followed: HashMap<(u64, u32), Option<bool>>,
     /// Names whose data are in `Scan::problems` already.
@@ -85,12 +92,13 @@ pub struct Names {
 struct Routine {
     /// Whether a motion stands in it.
     moves: bool,
-    /// What it calls; not followed where it moves the arm itself.
-    calls: Vec<u64>,
+    calls: HashSet<u64>,
 }
 
+/// A definition: targets that the text gives together.
 #[derive(Clone, Copy, Debug)]
 struct Group {
+    definition: Definition,
     first: u32,
     count: u32,
     /// An earlier definition of the same name.
@@ -101,30 +109,31 @@ struct Group {
 
 #[derive(Clone, Copy, Debug)]
 enum Use {
-    /// `group` is the newest definition above the motion.
-    Named {
-        name: u64,
-        group: Option<u32>,
-        setup: u32,
-        way: Way,
-        at: u32,
-    },
+    Named { name: u64, setup: u32, way: Way, at: u32 },
     Direct(Visit),
-    Called {
-        name: u64,
-        elsewhere: bool,
-    },
+    Called { name: u64, elsewhere: bool },
 }
 
 impl Names {
     /// Targets `first..end` have this name (several: an array).
     pub fn define(&mut self, name: u64, first: usize, end: usize) {
+        self.define_part(name, Part::Whole, first, end);
+    }
+
+    /// Targets `first..end` are this part of the data of this name.
+    pub fn define_part(&mut self, name: u64, part: Part, first: usize, end: usize) {
         if end <= first {
             return;
         }
         let index = self.groups.len() as u32;
-        let earlier = self.defined.insert(name, index);
-        self.groups.push(Group { first: first as u32, count: (end - first) as u32, earlier, used: None });
+        let within = self.within.last().copied();
+        self.groups.push(Group {
+            definition: Definition { name, part, within, above: self.uses.len() as u32 },
+            first: first as u32,
+            count: (end - first) as u32,
+            earlier: self.defined.insert(name, index),
+            used: None,
+        });
     }
 
     /// Whether targets of the file have this name.
@@ -135,11 +144,10 @@ impl Names {
 
     /// A motion to a named target; the name stands at `at`.
     pub fn used(&mut self, name: u64, setup: u32, way: Way, at: usize) {
-        let group = self.defined.get(&name).copied();
         if !matches!(way, Way::Said) {
             self.moves();
         }
-        self.uses.push(Use::Named { name, group, setup, way, at: at as u32 });
+        self.uses.push(Use::Named { name, setup, way, at: at as u32 });
     }
 
     /// The program sets the data of this name.
@@ -160,7 +168,7 @@ impl Names {
     #[must_use]
     pub fn set_at(&self, name: u64) -> Option<usize> {
         let set = self.origins.get(&name).into_iter().flatten().find_map(|o| match o {
-            Origin::Name { at, .. } | Origin::Computed(at) | Origin::Perhaps(at) => Some(*at),
+            Origin::Name { at, .. } | Origin::Computed(at) | Origin::Around(at) | Origin::Perhaps(at) => Some(*at),
             Origin::Here => None,
         });
         let changed = || self.changed.get(&name).and_then(|all| all.first().copied());
@@ -226,8 +234,8 @@ impl Names {
 
     /// Something is called here; `elsewhere` says that it may move the arm if it is no routine of this file.
     pub fn called(&mut self, name: u64, elsewhere: bool) {
-        if let Some(own) = self.own_routine().filter(|own| !own.moves) {
-            own.calls.push(name);
+        if let Some(own) = self.own_routine() {
+            own.calls.insert(name);
         }
         self.uses.push(Use::Called { name, elsewhere });
     }
@@ -237,8 +245,8 @@ impl Names {
     }
 
     fn moves(&mut self) {
-        if let Some(own) = self.own_routine().filter(|own| !own.moves) {
-            *own = Routine { moves: true, calls: Vec::new() };
+        if let Some(own) = self.own_routine() {
+            own.moves = true;
         }
     }
 
@@ -303,10 +311,12 @@ impl Names {
     pub fn resolve(mut self, scan: &mut Scan, bytes: &[u8], elsewhere: &dyn Fn(&[u8]) -> String) {
         let moving = self.moving();
         let alone = self.alone_in_loops(&moving);
+        let mut definitions = self.definitions();
         let mut open: Vec<bool> = Vec::new();
         for (index, u) in std::mem::take(&mut self.uses).into_iter().enumerate() {
+            definitions.pass(index);
             self.apart = open.contains(&true) && !alone.contains(&index);
-            let (name, group, setup, way, at) = match u {
+            let (name, setup, way, at) = match u {
                 Use::Direct(v) => {
                     let is_loop = matches!(v, Visit::Fork(Fork::Repeats)) && !alone.contains(&index);
                     match v {
@@ -314,44 +324,50 @@ impl Names {
                         Visit::Fork(Fork::Closes) => drop(open.pop()),
                         _ => {}
                     }
+                    if let Visit::Fork(fork) = v {
+                        definitions.fork(index, fork);
+                    }
                     let once = matches!(v, Visit::Fork(Fork::Repeats)) && !is_loop;
                     scan.visits.push(if once { Visit::Fork(Fork::Opens) } else { v });
                     continue;
                 }
                 Use::Called { name, elsewhere } => {
+                    definitions.call(name);
                     let moves = if self.routines.contains_key(&name) { moving.contains(&name) } else { elsewhere };
                     scan.visits.extend(moves.then_some(Visit::Fork(Fork::Anywhere)));
                     continue;
                 }
-                Use::Named { name, group, setup, way, at } => (name, group, setup, way, at),
+                Use::Named { name, setup, way, at } => (name, setup, way, at),
             };
             let is_motion = !matches!(way, Way::Perhaps | Way::Said);
-            let Some(newest) = group.or_else(|| self.defined.get(&name).copied()) else {
+            let problem = || {
+                let mut c = Cursor::new(bytes, 0);
+                c.at = at as usize;
+                elsewhere(c.word())
+            };
+            if !self.defines(name) {
                 scan.visits.extend(is_motion.then_some(Visit::Unknown));
                 if is_motion {
-                    self.goes_to_undefined(name, setup, at, scan, &|| {
-                        let mut c = Cursor::new(bytes, 0);
-                        c.at = at as usize;
-                        elsewhere(c.word())
-                    });
+                    self.goes_to_undefined(name, setup, at, scan, &problem);
                 }
                 continue;
-            };
-            self.visit_group(newest, setup, way, at, scan);
+            }
+            let is_given = self.visit_any(name, definitions.met(name), setup, way, at, scan);
+            if !is_given && is_motion && !self.origins.contains_key(&name) {
+                scan.problem(at as usize, problem());
+            }
             if is_motion {
                 self.computed(name, scan);
                 self.sources(name, setup, scan, &mut Vec::new());
                 scan.relative.extend(self.changed.remove(&name).into_iter().flatten());
                 scan.relative.extend(matches!(way, Way::Computed).then_some(at));
             }
-            self.use_earlier(newest, setup, scan);
         }
+        self.use_earlier(scan);
         self.approached_from_anywhere(scan);
-        let unused = |name: &u64| {
-            let group = self.defined.get(name).and_then(|k| self.groups.get(*k as usize));
-            group.filter(|g| g.used.is_none()).map(|g| g.first..g.first + g.count)
-        };
-        let gone: HashSet<u32> = self.no_targets.iter().filter_map(unused).flatten().collect();
+        let groups = |name: &u64| self.all(*name).filter_map(|k| self.groups.get(k as usize));
+        let unused = self.no_targets.iter().filter(|name| groups(name).all(|g| g.used.is_none()));
+        let gone: HashSet<u32> = unused.flat_map(groups).flat_map(|g| g.first..g.first + g.count).collect();
         scan.remove(&gone);
     }
 
@@ -370,18 +386,34 @@ impl Names {
         }
     }
 
-    /// Other routines may have data of the same name, which nobody uses from here on.
-    fn use_earlier(&mut self, newest: u32, setup: u32, scan: &mut Scan) {
-        let mut earlier = self.groups.get(newest as usize).and_then(|g| g.earlier);
-        while let Some(g) = earlier.and_then(|k| self.groups.get_mut(k as usize)) {
-            if g.used.is_some() {
-                break;
-            }
+    /// The definitions of names that have several, and what reaches which.
+    fn definitions(&self) -> Definitions {
+        let is_one_of_several = |(k, g): &(u32, &Group)| {
+            g.earlier.is_some() || self.defined.get(&g.definition.name).is_some_and(|newest| newest != k)
+        };
+        let several = (0..).zip(&self.groups).filter(is_one_of_several).map(|(k, g)| (k, g.definition)).collect();
+        let forks = self.uses.iter().enumerate().filter_map(|(index, u)| match u {
+            Use::Direct(Visit::Fork(fork)) => Some((index, *fork)),
+            _ => None,
+        });
+        let calls = self.routines.iter().map(|(name, own)| (*name, own.calls.clone())).collect();
+        Definitions::new(several, forks, calls)
+    }
+
+    /// All definitions of a name, the newest first.
+    fn all(&self, name: u64) -> impl Iterator<Item = u32> {
+        std::iter::successors(self.defined.get(&name).copied(), |k| self.groups.get(*k as usize)?.earlier)
+    }
+
+    /// What no motion meets, since it is defined anew before, has the setup of that.
+    fn use_earlier(&mut self, scan: &mut Scan) {
+        for k in (0..self.groups.len()).rev() {
+            let Some(Group { used: Some(setup), earlier: Some(earlier), .. }) = self.groups.get(k).copied() else {
+                continue;
+            };
+            let Some(g) = self.groups.get_mut(earlier as usize).filter(|g| g.used.is_none()) else { continue };
             g.used = Some(setup);
-            for spot in g.first..g.first + g.count {
-                scan.assign(spot, setup);
-            }
-            earlier = g.earlier;
+            (g.first..g.first + g.count).for_each(|spot| scan.assign(spot, setup));
         }
     }
 
@@ -403,11 +435,13 @@ impl Names {
         if self.listed.contains(&name) {
             return Some(true);
         }
-        if let Some(group) = self.defined.get(&name).copied() {
+        if self.defines(name) {
             let before = scan.visits.len();
-            self.visit_group(group, setup, Way::Computed, 0, scan);
+            for group in self.all(name).collect::<Vec<_>>() {
+                self.visit_group(group, setup, Way::Computed, 0, scan);
+                self.by_another_name.push(group);
+            }
             scan.visits.truncate(before);
-            self.by_another_name.push(group);
             self.computed(name, scan);
             if seen.len() > MOST_NAMES {
                 return Some(false);
@@ -445,17 +479,18 @@ impl Names {
 
     /// Lists, once, where a target that has numbers is set from what has none; what is set from itself is relative to it.
     fn sources(&mut self, name: u64, setup: u32, scan: &mut Scan, seen: &mut Vec<(u64, bool)>) {
-        if !self.settled.insert((name, true)) {
+        if !self.followed_on.insert((name, setup)) {
             return;
         }
         let before = seen.len();
         seen.push((name, true));
         for origin in self.origins.get(&name).cloned().unwrap_or_default() {
             let Origin::Name { name: other, at } = origin else { continue };
+            let is_known = other == name || self.origin(other, setup, scan, seen) == Some(true);
             if !self.listed_at.insert(at) {
                 continue;
             }
-            if other == name || self.origin(other, setup, scan, seen) == Some(true) {
+            if is_known {
                 scan.relative.push(at);
             } else {
                 let what = "a place to which the arm moves is set here from data that the files do not give as numbers";
@@ -467,13 +502,16 @@ impl Names {
 
     /// Lists, once, where a name to which the arm moves is calculated.
     fn computed(&mut self, name: u64, scan: &mut Scan) {
-        if !self.settled.insert((name, false)) {
+        if !self.settled.insert(name) {
             return;
         }
         for origin in self.origins.get(&name).into_iter().flatten() {
             let (at, what) = match origin {
                 Origin::Computed(at) => {
                     (at, "a place to which the arm moves is calculated here while the program runs")
+                }
+                Origin::Around(at) => {
+                    (at, "is called from a module beside the program that changes a target to which the arm moves")
                 }
                 Origin::Perhaps(at) => (
                     at,
@@ -487,12 +525,48 @@ impl Names {
         }
     }
 
+    fn part(&self, group: u32) -> Option<Part> {
+        self.groups.get(group as usize).map(|g| g.definition.part)
+    }
+
+    /// A motion to the definitions of a name that it may meet, `met` or any; whether there is one of what it goes to.
+    fn visit_any(&mut self, name: u64, met: Option<Vec<u32>>, setup: u32, way: Way, at: u32, scan: &mut Scan) -> bool {
+        let element = if let Way::Element(k) = way { Some(k) } else { None };
+        // of many, that each may be the one is said once
+        let are_many = met.is_none() && self.all(name).nth(MOST_NAMES).is_some();
+        if are_many && !self.met_any.insert((name, setup, element)) {
+            scan.relative.extend(matches!(way, Way::Near(..)).then_some(at));
+            scan.visits.push(Visit::Unknown);
+            return true;
+        }
+        let mut groups = met.unwrap_or_else(|| self.all(name).collect());
+        groups.retain(|k| match (element, self.part(*k)) {
+            (Some(element), Some(Part::Element(k))) => element == k,
+            _ => true,
+        });
+        match groups[..] {
+            [] => scan.visits.push(Visit::Unknown),
+            [one] => self.visit_group(one, setup, way, at, scan),
+            _ => {
+                scan.visits.push(Visit::Fork(Fork::Opens));
+                for group in &groups {
+                    scan.visits.push(Visit::Fork(Fork::Other));
+                    self.visit_group(*group, setup, way, at, scan);
+                }
+                scan.visits.push(Visit::Fork(Fork::Closes));
+            }
+        }
+        !groups.is_empty()
+    }
+
     fn visit_group(&mut self, group: u32, setup: u32, way: Way, at: u32, scan: &mut Scan) {
         let Some(g) = self.groups.get_mut(group as usize) else { return };
         let all = g.first..g.first + g.count;
         let fresh = g.used.is_none();
         let one = match way {
-            Way::Element(k) => u32::try_from(k).ok().and_then(|k| g.first.checked_add(k)).filter(|s| all.contains(s)),
+            Way::Element(k) if g.definition.part == Part::Whole => {
+                u32::try_from(k).ok().and_then(|k| g.first.checked_add(k)).filter(|s| all.contains(s))
+            }
             _ => (g.count == 1).then_some(g.first),
         };
         match one {

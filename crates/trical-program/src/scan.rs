@@ -10,7 +10,7 @@ use trical_model::Joints;
 use crate::branch::Configuration;
 use crate::frames::Frames;
 use crate::literal::Shape;
-use crate::text::Span;
+use crate::text::{Span, lower};
 
 /// A target in the text.
 #[derive(Clone, Copy, Debug)]
@@ -319,9 +319,12 @@ pub fn hashed_as_written(name: &[u8]) -> u64 {
     h.finish()
 }
 
-/// 64 bits that stand for a name, letters in lower case.
+/// 64 bits that stand for a name, whatever is in capitals.
 #[must_use]
 pub fn hashed(name: &[u8]) -> u64 {
+    if !name.is_ascii() {
+        return hashed_as_written(lower(name).as_bytes());
+    }
     let mut h = DefaultHasher::new();
     for b in name {
         h.write_u8(b.to_ascii_lowercase());

@@ -55,6 +55,15 @@ fn radix(text: &[u8]) -> Option<u32> {
     }
 }
 
+/// What a file in UTF-8 may begin with.
+const UTF8: &[u8] = b"\xEF\xBB\xBF";
+
+/// Whether a name may begin with this byte; those beyond ASCII are letters of UTF-8 or Latin-1.
+#[must_use]
+pub fn is_letter(b: u8) -> bool {
+    b.is_ascii_alphabetic() || b == b'_' || !b.is_ascii()
+}
+
 /// Bytes that are looked at ahead, at most.
 const FARTHEST: usize = 1000;
 
@@ -67,7 +76,7 @@ pub fn begins_line(bytes: &[u8], at: usize) -> bool {
 /// Whether a text has this name in it, in capitals or not.
 #[must_use]
 pub fn mentions(text: &[u8], name: &[u8]) -> bool {
-    text.split(|b| !b.is_ascii_alphanumeric() && *b != b'_').any(|w| w.eq_ignore_ascii_case(name))
+    text.split(|b| !is_letter(*b) && !b.is_ascii_digit()).any(|w| w.eq_ignore_ascii_case(name))
 }
 
 /// Whether a word is one of these, in capitals or not.
@@ -102,10 +111,10 @@ pub struct Cursor<'a> {
 }
 
 impl<'a> Cursor<'a> {
-    /// At the beginning; `comment` begins comments.
+    /// At the beginning, behind a mark of UTF-8; `comment` begins comments.
     #[must_use]
     pub fn new(bytes: &'a [u8], comment: u8) -> Self {
-        Self { bytes, at: 0, comment }
+        Self { bytes, at: if bytes.starts_with(UTF8) { UTF8.len() } else { 0 }, comment }
     }
 
     /// The next byte, 0 at the end.
@@ -225,8 +234,8 @@ impl<'a> Cursor<'a> {
     /// The name that begins here (letters, digits, `_`, and `$` for KUKA's system variables); empty where there is none.
     pub fn word(&mut self) -> &'a [u8] {
         let from = self.at;
-        if self.peek().is_ascii_alphabetic() || matches!(self.peek(), b'_' | b'$') {
-            while self.peek().is_ascii_alphanumeric() || matches!(self.peek(), b'_' | b'$') {
+        if is_letter(self.peek()) || self.peek() == b'$' {
+            while is_letter(self.peek()) || self.peek().is_ascii_digit() || self.peek() == b'$' {
                 self.at += 1;
             }
         }
@@ -300,8 +309,31 @@ pub fn written_whole(new: i16, old: &[u8]) -> String {
     }
 }
 
-/// Lower-case copy of an ASCII name.
+/// Lower-case copy of a name in UTF-8 or Latin-1.
 #[must_use]
 pub fn lower(name: &[u8]) -> String {
-    name.iter().map(|b| char::from(b.to_ascii_lowercase())).collect()
+    match std::str::from_utf8(name) {
+        Ok(name) => name.to_lowercase(),
+        Err(_) => name.iter().flat_map(|b| char::from(*b).to_lowercase()).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scan::hashed;
+
+    #[test]
+    fn names_have_letters_of_utf_8_and_latin_1() {
+        for (bytes, word) in
+            [(&b"pH\xc4ger,v1"[..], &b"pH\xc4ger"[..]), ("p_Höger2;".as_bytes(), "p_Höger2".as_bytes())]
+        {
+            assert_eq!(Cursor::new(bytes, b'!').word(), word);
+            assert!(mentions(bytes, word) && !mentions(bytes, b"ger"));
+            assert_eq!(hashed(word), hashed(lower(word).as_bytes()));
+        }
+        assert_eq!(lower(b"pH\xc4ger"), lower("PHäger".as_bytes()));
+        // the mark that some editors put before UTF-8 is no part of the first word
+        assert_eq!(Cursor::new(b"\xEF\xBB\xBFMODULE M", b'!').word(), b"MODULE");
+    }
 }

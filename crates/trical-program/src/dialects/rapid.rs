@@ -10,12 +10,13 @@ use trical_model::Pose;
 use super::rapid_frames::{declare, tool, work_object};
 use super::rapid_motions::is_motion;
 pub use super::rapid_reader::{Effects, Exports};
-use super::rapid_reader::{Piece, Place, Reader, scoped};
+use super::rapid_reader::{Element, Piece, Place, Reader, scoped};
 use crate::branch::Configuration;
 use crate::elsewhere::{Elsewhere, Nowhere};
 use crate::frames::ToolFrame;
 use crate::literal::Shape;
 use crate::names::Origin;
+use crate::reaching::Part;
 use crate::scan::{Fork, Scan, Visit, changed_here, hashed};
 use crate::text::{Span, begins_line, is_one_of, lower, mentions, number};
 
@@ -37,6 +38,9 @@ const OTHERWISE: [(&[&[u8]], &str); 4] = [
 ];
 /// Values of external axes from here on mean that there is none (9E9).
 const NO_AXIS: f64 = 1e8;
+/// Kinds of data of which tables look like targets and are none. A record's kind, or one of another module, may be that of targets.
+const NO_TARGETS: [&[u8]; 9] =
+    [b"num", b"dnum", b"byte", b"bool", b"intnum", b"errnum", b"robjoint", b"extjoint", b"robax"];
 /// Words that begin declarations of data.
 const DECLARES: [&[u8]; 4] = [b"const", b"pers", b"var", b"task"];
 /// Lists inside lists, at most: a record of arrays of targets has five.
@@ -63,18 +67,10 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
     reader.file();
     reader.predefined();
     reader.used_elsewhere();
+    reader.changed_around();
+    reader.changed_where_lent();
+    reader.changed_frames();
     let Reader { mut scan, names, .. } = reader;
-    let mut told = Vec::new();
-    for setup in &scan.setups {
-        for (what, name) in [("tool", &setup.tool), ("work object", &setup.frame)] {
-            if let Some((at, name)) = name.as_deref().and_then(|n| Some((names.set_at(hashed(n.as_bytes()))?, n)))
-                && !told.contains(&at)
-            {
-                told.push(at);
-                scan.problems.push((at, changed_here(&format!("the {what} '{name}'"))));
-            }
-        }
-    }
     names.resolve(&mut scan, bytes, &|name| {
         format!("goes to '{}', which this file does not give as numbers", String::from_utf8_lossy(name))
     });
@@ -88,10 +84,11 @@ pub fn for_others(bytes: &[u8], number: usize) -> Exports {
     reader.file();
     let moving = reader.names.moving();
     let Exports { mut routines, goes, given, own, .. } = reader.exports.take().unwrap_or_default();
+    let is_copy = |set: &u64| reader.routines.values().flatten().any(|p| p.scoped == *set && !p.by_reference);
     for name in reader.routines.keys() {
         let routine = routines.entry(*name).or_default();
         routine.moves = moving.contains(name);
-        routine.sets.retain(|set| !own.contains(set));
+        routine.sets.retain(|set| !own.contains(set) && !is_copy(set));
     }
     routines.retain(|name, _| reader.routines.contains_key(name));
     // motions to its own targets are nobody else's, unless it sets these from what others have
@@ -118,6 +115,40 @@ impl Reader<'_> {
         self.scan.frames.frames.insert("wobj0".into(), Ok(Pose::identity()));
     }
 
+    /// What a routine changes that is given to it is changed where it is given.
+    fn changed_where_lent(&mut self) {
+        loop {
+            let names = &self.names;
+            let (changed, left): (Vec<_>, Vec<_>) =
+                std::mem::take(&mut self.lent).into_iter().partition(|lent| names.set_at(lent.to).is_some());
+            self.lent = left;
+            if changed.is_empty() {
+                return;
+            }
+            changed.iter().for_each(|lent| self.names.set_from(lent.name, Origin::Computed(lent.at as u32)));
+        }
+    }
+
+    /// Lists tools and work objects of motions that the program changes, or may change.
+    fn changed_frames(&mut self) {
+        let mut told = Vec::new();
+        for setup in &self.scan.setups {
+            for (what, name) in [("tool", &setup.tool), ("work object", &setup.frame)] {
+                let Some(name) = name else { continue };
+                let (hash, what) = (hashed(name.as_bytes()), format!("the {what} '{name}'"));
+                let found = match (self.changed_elsewhere.get(&hash), self.names.set_at(hash)) {
+                    (Some((at, how)), _) => (*at, format!("{what} {how}")),
+                    (None, Some(at)) => (at, changed_here(&what)),
+                    (None, None) => continue,
+                };
+                if !told.contains(&found) {
+                    told.push(found);
+                }
+            }
+        }
+        self.scan.problems.extend(told);
+    }
+
     pub(super) fn note(&mut self, note: impl FnOnce(&mut Effects)) {
         if let Some(exports) = &mut self.exports {
             note(exports.routines.entry(hashed(self.within.as_bytes())).or_default());
@@ -140,13 +171,8 @@ impl Reader<'_> {
                 self.data();
             } else if is("tooldata") || is("wobjdata") {
                 self.frame(is("tooldata"), is_one_of(before, &DECLARES));
-            } else if is("num") && before.eq_ignore_ascii_case(b"const") {
-                self.constant();
-            } else if is("num") {
-                // a variable or an argument: a constant of the same name elsewhere is another one
-                self.c.skip_space();
-                let name = self.c.word();
-                self.constants.forget(hashed(name));
+            } else if is_one_of(word, &NO_TARGETS) {
+                self.other_data(is("num") && before.eq_ignore_ascii_case(b"const"));
             } else if let Some((words, what)) = OTHERWISE.iter().find(|(words, _)| is_one_of(word, words)) {
                 self.scan.problem(from, *what);
                 self.note(|routine| routine.displaces = true);
@@ -163,6 +189,7 @@ impl Reader<'_> {
             } else if is_motion(word)
                 && !before.eq_ignore_ascii_case(b"module")
                 && !self.routines.contains_key(&hashed(word))
+                && self.routine_elsewhere(word).is_none()
             {
                 self.motion(word);
             } else if !self.block(from, word) {
@@ -182,6 +209,9 @@ impl Reader<'_> {
             b'"' => self.c.skip_string(),
             b => {
                 self.c.at += 1;
+                if b == b';' && std::mem::take(&mut self.in_condition) {
+                    self.names.fork(Fork::Closes);
+                }
                 // a routine whose name the program puts together
                 if b == b'%' && self.c.peek() != b'%' && begins_line(self.c.bytes, from) {
                     self.names.fork(Fork::Anywhere);
@@ -247,6 +277,7 @@ impl Reader<'_> {
             let name = self.c.word();
             self.within = lower(name);
             let name = hashed(name);
+            self.heads.insert(name, from);
             self.names.routine(name);
             self.locals = self.routines.get(&name).into_iter().flatten().map(|p| (p.name, p.scoped)).collect();
         } else if is(&[b"endproc", b"endfunc", b"endtrap"]) {
@@ -257,11 +288,15 @@ impl Reader<'_> {
             self.names.fork(Fork::Anywhere);
         } else if is(&[b"for", b"while"]) {
             self.names.fork(Fork::Repeats);
+            if is(&[b"for"]) {
+                self.c.skip_space();
+                let name = self.c.word();
+                self.constants.forget(hashed(name));
+            }
         } else if is(&[b"if"]) {
             // `IF c THEN ... ENDIF`, or one instruction behind the condition
-            if mentions(self.c.clone().until(b";"), b"THEN") {
-                self.names.fork(Fork::Opens);
-            }
+            self.names.fork(Fork::Opens);
+            self.in_condition = !mentions(self.c.clone().until(b";"), b"THEN");
         } else if is(&[b"test"]) {
             self.names.fork(Fork::Opens);
         } else if is(&[b"elseif", b"else", b"case", b"default"]) {
@@ -274,31 +309,70 @@ impl Reader<'_> {
         true
     }
 
-    /// `CONST num h:=200;`
-    fn constant(&mut self) {
+    /// `CONST num h:=200;`, `VAR num table{2,6}:=[[...],[...]];`, `num argument`
+    fn other_data(&mut self, is_constant: bool) {
         self.c.skip_space();
         let name = self.c.word();
-        if name.is_empty() || !(self.c.eat(b':') && self.c.eat(b'=')) {
-            return;
+        self.c.skip_space();
+        if self.c.peek() == b'{' {
+            self.own(name);
+            self.tables.insert(self.key(name));
+            self.c.skip_past(b'}', b";\n");
         }
-        let value = self.constants.expression(&mut self.c).filter(|_| self.c.eat(b';'));
+        let start = self.c;
+        let mut value = None;
+        if name.is_empty() || !(self.c.eat(b':') && self.c.eat(b'=')) {
+            self.c = start;
+        } else if self.c.eat(b'[') {
+            self.skip_list();
+        } else if is_constant {
+            value = self.constants.expression(&mut self.c).filter(|_| self.c.eat(b';'));
+        }
         match value {
             Some((_, value)) => self.constants.define(hashed(name), value),
+            // of a variable or an argument, a constant of the same name elsewhere is another one
             None => self.constants.forget(hashed(name)),
+        }
+    }
+
+    /// Past a list of no targets, from behind its bracket on.
+    fn skip_list(&mut self) {
+        let mut depth = 1;
+        while depth > 0 {
+            self.c.skip_space();
+            match self.c.peek() {
+                _ if self.c.done() => return,
+                b';' => return,
+                b'[' => depth += 1,
+                b']' => depth -= 1,
+                b'"' => {
+                    self.c.skip_string();
+                    continue;
+                }
+                _ => {}
+            }
+            self.c.at += 1;
+        }
+    }
+
+    /// A name that is declared here is the routine's own, if one is being read.
+    fn own(&mut self, name: &[u8]) {
+        if !self.within.is_empty() {
+            self.locals.entry(hashed(name)).or_insert_with(|| scoped(name, self.within.as_bytes()));
         }
     }
 
     /// `p:=[[...]]`, `p:=q`, `p:=Offs(q,...)`, `p.trans.z:=...`, `p{i}:=...`: data that the program sets.
     fn assignment(&mut self, from: usize, word: &[u8]) {
         let start = self.c;
-        let mut is_part = false;
+        let (mut is_part, mut part) = (false, Part::Whole);
         loop {
             match self.c.peek() {
                 b'.' => {
                     self.c.at += 1;
                     is_part |= !self.c.word().is_empty();
                 }
-                b'{' => self.c.skip_past(b'}', b";\n"),
+                b'{' => part = self.element().map_or(Part::Indexed, Part::Element),
                 _ => break,
             }
         }
@@ -321,8 +395,11 @@ impl Reader<'_> {
             } else {
                 self.names.set_from(name, Origin::Computed(from as u32));
             }
+        } else if self.c.peek() == b'[' && self.tables.contains(&name) {
+            self.c.at += 1;
+            self.skip_list();
         } else if self.c.peek() == b'[' {
-            self.define(Span::new(from, from + word.len()));
+            self.define(Span::new(from, from + word.len()), part);
         } else {
             let start = self.c;
             let source = self.c.word();
@@ -363,8 +440,9 @@ impl Reader<'_> {
         }
         let text = name.text(self.c.bytes);
         let hash = hashed(text);
+        self.own(text);
         if !self.within.is_empty() {
-            self.locals.entry(hash).or_insert_with(|| scoped(text, self.within.as_bytes()));
+            // of a routine
         } else if let Some(exports) = &mut self.exports {
             exports.own.insert(hash);
         } else if self.is_local {
@@ -372,6 +450,7 @@ impl Reader<'_> {
         }
         self.c.skip_space();
         if self.c.peek() == b'{' {
+            self.arrays.insert(self.key(text));
             self.c.skip_past(b'}', b";\n");
         }
         let start = self.c;
@@ -383,17 +462,40 @@ impl Reader<'_> {
         }
     }
 
-    pub(super) fn define(&mut self, name: Span) {
+    fn define(&mut self, name: Span, part: Part) {
         let (first, problems) = (self.scan.spots.len(), self.scan.problems.len());
         self.name = name;
         self.list(0);
         self.name = Span::default();
         let hash = self.key(name.text(self.c.bytes));
-        self.names.define(hash, first, self.scan.spots.len());
+        let end = self.scan.spots.len();
+        let holds_names = self.arrays.contains(&hash) && self.elements.iter().any(|element| element.name.is_some());
+        if holds_names && end > first && part == Part::Whole {
+            self.define_elements(hash, first);
+        } else {
+            self.names.define_part(hash, part, first, end);
+        }
         if self.scan.problems.len() > problems {
             self.names.listed(hash);
-        } else if self.scan.spots.len() == first {
+        } else if end == first {
             self.names.set_from(hash, Origin::Computed(name.at));
+        }
+    }
+
+    /// An array with names of targets among its elements.
+    fn define_elements(&mut self, array: u64, mut first: usize) {
+        for (k, element) in std::mem::take(&mut self.elements).into_iter().enumerate() {
+            self.names.define_part(array, Part::Element(k), first, element.end);
+            first = element.end;
+            let Some(given) = element.name else { continue };
+            let mut c = self.c;
+            c.at = given.at as usize;
+            let name = c.word();
+            let origin = match name == given.text(c.bytes).trim_ascii() {
+                true => Origin::Name { name: self.key(name), at: given.at },
+                false => Origin::Computed(given.at),
+            };
+            self.set_from(array, origin);
         }
     }
 
@@ -404,11 +506,15 @@ impl Reader<'_> {
         if depth > DEEPEST {
             return None;
         }
+        if depth == 0 {
+            self.elements.clear();
+        }
         let mut spans = [Span::default(); 6];
         let mut pieces = [Piece::default(); 4];
         let (mut numbers, mut lists, mut others, mut unread) = (0, 0, 0, None);
         loop {
             self.c.skip_space();
+            let mut name = None;
             match self.c.peek() {
                 b']' => {
                     self.c.at += 1;
@@ -416,12 +522,16 @@ impl Reader<'_> {
                 }
                 b'[' => {
                     let piece = self.list(depth + 1)?;
+                    name = piece.unread;
                     if let Some(to) = pieces.get_mut(lists) {
                         *to = piece;
                     }
                     lists += 1;
                 }
-                b',' => self.c.at += 1,
+                b',' => {
+                    self.c.at += 1;
+                    continue;
+                }
                 b'"' => {
                     self.c.skip_string();
                     others += 1;
@@ -429,21 +539,23 @@ impl Reader<'_> {
                 b';' => return None,
                 _ if self.c.done() => return None,
                 _ => {
-                    let span = self.item().unwrap_or_else(|span| *unread.insert(span));
+                    let span = self.item().unwrap_or_else(|span| *name.insert(span));
                     if let Some(to) = spans.get_mut(numbers) {
                         *to = span;
                     }
                     numbers += 1;
                 }
             }
+            unread = unread.or(name);
+            if depth == 0 {
+                self.elements.push(Element { end: self.scan.spots.len(), name });
+            }
         }
         if others == 0 && lists == 0 && numbers <= 6 {
             return Some(Piece { count: numbers, spans, unread });
         }
-        if others == 0 && numbers == 0 && lists <= 4 {
-            self.target(&pieces[..lists]);
-        }
-        Some(Piece::default())
+        let is_target = others == 0 && numbers == 0 && lists <= 4 && self.target(&pieces[..lists]);
+        Some(Piece { unread: unread.filter(|_| !is_target), ..Piece::default() })
     }
 
     /// A number of a list, plain or calculated; `Err` is where something stands that has no value.
@@ -466,16 +578,17 @@ impl Reader<'_> {
         Err(Span::new(start.at, self.c.at))
     }
 
-    /// Takes these lists as a target, where they are one: a robtarget or a jointtarget.
-    fn target(&mut self, pieces: &[Piece]) {
+    /// Takes these lists as a target, where they are one: a robtarget or a jointtarget; whether they are.
+    fn target(&mut self, pieces: &[Piece]) -> bool {
         let bytes = self.c.bytes;
         let (p, external) = match pieces {
             [p, q, cf, external] if [p.count, q.count, cf.count, external.count] == [3, 4, 4, 6] => (p, external),
             [q, external] if [q.count, external.count] == [6, 6] => (q, external),
-            _ => return,
+            _ => return false,
         };
         if let Some(span) = pieces.iter().find_map(|p| p.unread) {
-            return self.scan.unread(span, bytes);
+            self.scan.unread(span, bytes);
+            return true;
         }
         if let [_, q, cf, _] = pieces {
             let demanded = cf.spans.map(|s| self.scan.value(s, bytes).filter(|v| v.abs() < 1000.0).map(|v| v as i16));
@@ -491,6 +604,7 @@ impl Reader<'_> {
         }
         let values = external.spans.map(|s| self.scan.value(s, bytes).filter(|v| v.abs() < NO_AXIS));
         self.scan.external_axes(&values);
+        true
     }
 
     /// `tooldata name:=[...]`, `wobjdata name:=[...]`
@@ -500,9 +614,7 @@ impl Reader<'_> {
         if word.is_empty() {
             return;
         }
-        if !self.within.is_empty() {
-            self.locals.insert(hashed(word), scoped(word, self.within.as_bytes()));
-        }
+        self.own(word);
         let name = self.frame_name(word);
         self.c.skip_space();
         let is_argument = matches!(self.c.peek(), b',' | b')' | b'\\' | b'|');

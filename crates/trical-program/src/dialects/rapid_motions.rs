@@ -23,17 +23,30 @@ pub(super) fn is_motion(word: &[u8]) -> bool {
 
 /// Functions that say where the arm is.
 const HERE: [&[u8]; 2] = [b"crobt", b"cjointt"];
+
+/// Instructions of the controller that move the arm: how their names begin, which ways they go, and how their names end.
+const OWN: [(&str, &[&str], &[&str]); 11] = [
+    ("move", &["l", "j", "c"], &["", "do", "ao", "go", "sync"]),
+    ("move", &["absj"], &[""]),
+    ("trigg", &["l", "j", "c", "absj"], &[""]),
+    ("trigg", &["l", "j"], &["ios"]),
+    ("arcmove", &["l", "j", "c", "absj"], &[""]),
+    ("arc", &["l", "c"], &["", "start", "end"]),
+    ("arc", &["l", "c"], &["1", "2", "1start", "2start", "1end", "2end"]),
+    ("spot", &["l", "j", "ml", "mj"], &[""]),
+    ("paint", &["l", "c"], &[""]),
+    ("disp", &["l", "c"], &[""]),
+    ("cap", &["l", "c"], &[""]),
+];
+
 /// How many of an instruction's first arguments are targets; `None` for those that are not the controller's own, or no motions.
 fn targets_of(instruction: &[u8]) -> Option<usize> {
     let word = lower(instruction);
-    let rest = ["arcmove", "move", "trigg", "arc", "paint", "spot", "disp", "cap"]
-        .iter()
-        .find_map(|m| word.strip_prefix(m))?;
-    let kinds = ["absj", "ml", "l", "j", "c"];
-    let kind = kinds.iter().find(|k| rest.starts_with(**k))?;
-    let ending = rest.strip_prefix(kind)?;
-    let known = ["", "do", "ao", "go", "sync", "ios", "start", "end", "1", "2", "1start", "2start", "1end", "2end"];
-    known.contains(&ending).then_some(if *kind == "c" { 2 } else { 1 })
+    let way = OWN.iter().find_map(|(begin, ways, ends)| {
+        let rest = word.strip_prefix(begin)?;
+        ways.iter().find(|way| rest.strip_prefix(**way).is_some_and(|end| ends.contains(&end)))
+    })?;
+    Some(if *way == "c" { 2 } else { 1 })
 }
 
 /// What the arguments of a motion say, as far as they are read.

@@ -17,7 +17,11 @@ pub(super) struct Reader<'a> {
     pub(super) constants: Constants,
     /// Name of the data that is being read.
     pub(super) name: Span,
-    /// Routines of this file, and which targets they get.
+    /// Elements of the list that is being read.
+    pub(super) elements: Vec<Element>,
+    /// Whether the instruction that is being read stands behind the condition of an `IF` without `THEN`.
+    pub(super) in_condition: bool,
+    /// Routines of this file, and which targets, tools and work objects they get.
     pub(super) routines: HashMap<u64, Vec<Parameter>>,
     /// Those that are functions.
     pub(super) functions: HashSet<u64>,
@@ -25,7 +29,17 @@ pub(super) struct Reader<'a> {
     pub(super) locals: HashMap<u64, u64>,
     /// Targets that are declared without numbers.
     pub(super) unset: HashSet<u64>,
+    /// Arrays of targets.
+    pub(super) arrays: HashSet<u64>,
+    /// Arrays of what is no target.
+    pub(super) tables: HashSet<u64>,
     pub(super) elsewhere: &'a dyn Elsewhere,
+    /// What is given to routines that may change it.
+    pub(super) lent: Vec<Lent>,
+    /// Data that are changed elsewhere, or may be: where that begins, and how.
+    pub(super) changed_elsewhere: HashMap<u64, (usize, &'static str)>,
+    /// Where the routines of this file begin.
+    pub(super) heads: HashMap<u64, usize>,
     /// Routines of other modules that were asked for.
     pub(super) outside: HashMap<u64, Option<Outside>>,
     /// The routine that is being read, in lower case; empty outside any.
@@ -46,8 +60,16 @@ pub(super) struct Piece {
     /// How many numbers it is, at most six; none where it is anything else, of which targets were taken.
     pub(super) count: usize,
     pub(super) spans: [Span; 6],
-    /// One of them that has no value.
+    /// What has no value in it and is no part of a target in it.
     pub(super) unread: Option<Span>,
+}
+
+/// An element of a list.
+pub(super) struct Element {
+    /// How many targets of the file stand up to its end.
+    pub(super) end: usize,
+    /// What has no value in it and is no part of a target.
+    pub(super) name: Option<Span>,
 }
 
 /// Where a motion goes.
@@ -81,11 +103,18 @@ impl<'a> Reader<'a> {
             names: Names::default(),
             constants: Constants::with_degrees(),
             name: Span::default(),
+            elements: Vec::new(),
+            in_condition: false,
             routines,
             functions,
             locals: HashMap::new(),
             unset: HashSet::new(),
+            arrays: HashSet::new(),
+            tables: HashSet::new(),
             elsewhere,
+            lent: Vec::new(),
+            changed_elsewhere: HashMap::new(),
+            heads: HashMap::new(),
             outside: HashMap::new(),
             within: String::new(),
             is_local: false,
@@ -107,6 +136,17 @@ pub struct Effects {
     pub sets: Vec<u64>,
     /// What it calls, in lower case.
     pub calls: Vec<String>,
+    /// Names that it gives to routines, and what they are called there.
+    pub lends: Vec<(u64, u64)>,
+}
+
+/// A name that is given to a routine which may change what it stands for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lent {
+    pub name: u64,
+    /// What it is called in the routine (see [`scoped`]).
+    pub to: u64,
+    pub at: usize,
 }
 
 /// What a module has for others.
@@ -124,7 +164,7 @@ pub struct Exports {
     pub(super) own: HashSet<u64>,
 }
 
-/// Data that a routine sets and routines that it calls, at most.
+/// Data that a routine sets or lends and routines that it calls, at most.
 const MOST: usize = 1000;
 
 impl Effects {
@@ -132,6 +172,13 @@ impl Effects {
     pub(super) fn set(&mut self, name: u64) {
         if self.sets.len() < MOST && !self.sets.contains(&name) {
             self.sets.push(name);
+        }
+    }
+
+    /// Gives this name to a routine.
+    pub(super) fn lend(&mut self, name: u64, to: u64) {
+        if self.lends.len() < MOST && !self.lends.contains(&(name, to)) {
+            self.lends.push((name, to));
         }
     }
 
@@ -144,13 +191,14 @@ impl Effects {
     }
 }
 
-/// An argument that is a target.
+/// An argument that is a target, a tool or a work object.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Parameter {
     /// Its hashed name.
     pub name: u64,
     /// What it is called outside its routine (see [`scoped`]).
     pub scoped: u64,
+    pub is_target: bool,
     /// Whether the routine may change what it gets.
     pub by_reference: bool,
 }
@@ -158,7 +206,7 @@ pub(super) struct Parameter {
 /// Bytes before a routine's bracket or a statement that are looked at.
 pub(super) const FARTHEST: usize = 300;
 
-/// The routines of a module by their hashed names and which targets they get; those that are functions.
+/// The routines of a module by their hashed names and which targets, tools and work objects they get; those that are functions.
 #[must_use]
 fn routines(bytes: &[u8]) -> (HashMap<u64, Vec<Parameter>>, HashSet<u64>) {
     let (mut found, mut functions) = (HashMap::new(), HashSet::new());
@@ -187,7 +235,7 @@ pub(super) fn scoped(name: &[u8], routine: &[u8]) -> u64 {
     hashed(&[name, b" of ", routine].concat())
 }
 
-/// The parameters of a routine that are targets, from behind its bracket on.
+/// The parameters of a routine that are targets, tools and work objects, from behind its bracket on.
 fn parameters(bytes: &[u8], at: usize, routine: &[u8]) -> Vec<Parameter> {
     let mut c = Cursor::new(bytes, b'!');
     c.at = at;
@@ -213,10 +261,11 @@ fn parameters(bytes: &[u8], at: usize, routine: &[u8]) -> Vec<Parameter> {
             // of an array: `{*,*}`
             c.at += c.until(b"}\n").len();
         }
-        if is_one_of(kind, &[b"robtarget", b"jointtarget"]) {
+        let is_target = is_one_of(kind, &[b"robtarget", b"jointtarget"]);
+        if is_target || is_one_of(kind, &[b"tooldata", b"wobjdata"]) {
             let outside =
                 place.map_or_else(|| scoped(name, routine), |k: usize| scoped(k.to_string().as_bytes(), routine));
-            found.push(Parameter { name: hashed(name), scoped: outside, by_reference });
+            found.push(Parameter { name: hashed(name), scoped: outside, is_target, by_reference });
         }
         c.skip_to(b",|\\)\n");
         is_other = c.peek() == b'|';

@@ -4,8 +4,8 @@ use std::collections::HashSet;
 
 use super::rapid_frames::take_over;
 use super::rapid_motions::looks_like_motion;
-use super::rapid_reader::{FARTHEST, Parameter, Place, Reader, scoped};
-use crate::elsewhere::Goes;
+use super::rapid_reader::{FARTHEST, Lent, Parameter, Place, Reader, scoped};
+use crate::elsewhere::{Goes, Outside};
 use crate::frames::Frames;
 use crate::names::{Origin, Way};
 use crate::scan::{Call, Fork, Setup, hashed};
@@ -40,6 +40,9 @@ const INSTRUCTIONS: &str = "
     VIEWONLY READONLY STEP FROM DO WITH INOUT bool byte clock dnum num string pos pose orient robtarget jointtarget tooldata wobjdata
     loaddata speeddata zonedata confdata extjoint robjoint intnum socketdev iodev errnum signaldi signaldo triggdata stoppointdata";
 
+/// Those that change a tool.
+const CALIBRATES: [&[u8]; 2] = [b"mtooltcpcalib", b"mtoolrotcalib"];
+
 /// Whether a word begins a statement of the language, and no call.
 #[must_use]
 pub(super) fn is_instruction(word: &[u8]) -> bool {
@@ -71,10 +74,10 @@ impl Reader<'_> {
             if self.functions.contains(&routine) && !self.c.eat(b'(') {
                 return;
             }
-            self.each_argument(word, &mut |reader, key| {
-                if let Some(parameter) = parameters.iter().find(|p| p.scoped == key) {
-                    reader.argument(*parameter);
-                }
+            self.each_argument(word, &mut |reader, key| match parameters.iter().find(|p| p.scoped == key) {
+                Some(parameter) if parameter.is_target => reader.argument(*parameter),
+                Some(parameter) if parameter.by_reference => reader.lend(key),
+                _ => {}
             });
         }
     }
@@ -126,6 +129,17 @@ impl Reader<'_> {
         }
     }
 
+    /// A name that a call gives to a routine which may change it; `to` is what it is called there.
+    fn lend(&mut self, to: u64) {
+        let word = self.c.clone().word();
+        if word.is_empty() {
+            return;
+        }
+        let name = self.key(word);
+        self.lent.push(Lent { name, to, at: self.c.at });
+        self.note(|routine| routine.lend(name, to));
+    }
+
     /// Whether arguments of a call may stand here, and not what follows a condition or a function.
     fn arguments_follow(&self) -> bool {
         let mut c = self.c;
@@ -152,6 +166,9 @@ impl Reader<'_> {
 
     /// Perhaps a call of a routine that this file does not have.
     fn call_elsewhere(&mut self, from: usize, word: &[u8], routine: u64) {
+        if is_one_of(word, &CALIBRATES) {
+            return self.each_argument(word, &mut |reader, _| reader.calibrated());
+        }
         let is_statement = begins_statement(self.c.bytes, from);
         let arguments = self.arguments_follow();
         let is_behind_condition = || looks_like_motion(word) && arguments && self.c.clone().peek() != b'(';
@@ -159,9 +176,8 @@ impl Reader<'_> {
             return;
         }
         self.note(|routine| routine.call(word));
-        let Self { elsewhere, outside, .. } = self;
-        let first = !outside.contains_key(&routine);
-        let found = outside.entry(routine).or_insert_with(|| elsewhere.routine(&lower(word))).clone();
+        let first = !self.outside.contains_key(&routine);
+        let found = self.routine_elsewhere(word).cloned();
         self.names.called(routine, found.as_ref().is_none_or(|f| f.moves));
         match &found {
             Some(found) => {
@@ -183,6 +199,36 @@ impl Reader<'_> {
         self.gives_elsewhere(word, found.is_some());
     }
 
+    /// A tool at the cursor is changed.
+    fn calibrated(&mut self) {
+        let (word, at) = (self.c.clone().word(), self.c.at as u32);
+        if self.declares(true, &self.frame_name(word), None) {
+            self.names.set_from(self.key(word), Origin::Computed(at));
+        }
+    }
+
+    /// Data that modules change which call routines of this one.
+    pub(super) fn changed_around(&mut self) {
+        let own = self.heads.keys().copied().collect();
+        let Some((called, around)) = self.elsewhere.around(&own) else { return };
+        let at = called.iter().filter_map(|name| self.heads.get(name)).min().copied().unwrap_or(0);
+        if around.displaces {
+            let what = "is called from a module beside the program that displaces the motions; they are corrected for where the text has them";
+            self.scan.problem(at, what);
+        }
+        let how = "is changed by a module beside the program, which calls the routine that begins here";
+        for name in around.sets {
+            self.names.set_from(name, Origin::Around(at as u32));
+            self.changed_elsewhere.insert(name, (at, how));
+        }
+    }
+
+    /// What a routine of another module does.
+    pub(super) fn routine_elsewhere(&mut self, word: &[u8]) -> Option<&Outside> {
+        let Self { elsewhere, outside, .. } = self;
+        outside.entry(hashed(word)).or_insert_with(|| elsewhere.routine(&lower(word))).as_ref()
+    }
+
     /// A call of a routine whose name the program puts together (`%name%p1,tool;`), from behind the first sign on.
     pub(super) fn call_late(&mut self, from: usize) {
         self.c.skip_to(b"%;\n");
@@ -195,8 +241,13 @@ impl Reader<'_> {
     /// What a call gives to a routine that this file does not have.
     fn gives_elsewhere(&mut self, word: &[u8], is_known: bool) {
         let (mut given, mut names) = (Vec::new(), Vec::new());
+        let at = self.c.at;
         self.each_argument(word, &mut |reader, key| {
+            reader.c.skip_space();
             let from = reader.c.at;
+            if is_known || reader.exports.is_some() {
+                reader.lend(key);
+            }
             if let Some(place) = reader.place() {
                 let text = reader.c.bytes.get(from..reader.c.at).unwrap_or(&[]);
                 if reader.exports.is_some() || place.name().is_some_and(|name| !reader.is_target(name)) {
@@ -205,6 +256,15 @@ impl Reader<'_> {
                 given.push((key, place));
             }
         });
+        // what goes to a target with a tool changes none
+        if !is_known && !given.iter().any(|(_, place)| place.name().is_none_or(|name| self.is_target(name))) {
+            for name in &names {
+                if self.declares(true, name, None) || self.declares(false, name, None) {
+                    let how = "is given here to a routine that is in none of the files read and may change it";
+                    self.changed_elsewhere.entry(hashed(name.as_bytes())).or_insert((at, how));
+                }
+            }
+        }
         self.give(word, is_known, given, names);
     }
 

@@ -159,6 +159,17 @@ fn routines_of_other_modules_say_with_what_the_targets_that_they_get_are_meant()
 }
 
 #[test]
+fn a_routine_of_another_module_is_no_instruction_of_the_same_name() {
+    let own = "PROC own()\nMoveL p,v1,fine,tDev;\nMoveL1 q;\nMoveJGo r,5;\nENDPROC\n";
+    let library = "MODULE Library\nPROC MoveL1(robtarget to)\nMoveL to,v1,fine,tGrip;\nENDPROC\nPROC MoveJGo(robtarget to,num n)\n\
+        MoveJ to,v1,fine,tGrip;\nENDPROC\nENDMODULE\n";
+    let report = checked("named_alike", IRB, &[("Targets.mod", &targets(own)), ("Library.mod", library)]);
+    assert_eq!((report.rewritten, report.problems.len()), (3, 0), "{report:?}");
+    let setups: Vec<(bool, usize)> = report.setups.iter().map(|(words, n)| (words.contains("tgrip"), *n)).collect();
+    assert_eq!(setups, [(false, 1), (true, 2)], "{report:?}");
+}
+
+#[test]
 fn other_modules_give_targets_to_routines_of_this_one_and_to_those_of_none() {
     let own = "PROC Go(robtarget to)\nMoveL to,v1,fine,tGrip;\nENDPROC\nPROC own()\nMoveL r,v1,fine,tDev;\nENDPROC\n";
     let main = |with: &str| format!("MODULE Main\nPROC main()\nGo p;\nGlueL q,v1,bead{with};\nENDPROC\nENDMODULE\n");
@@ -170,6 +181,54 @@ fn other_modules_give_targets_to_routines_of_this_one_and_to_those_of_none() {
         told(&checked("given_nowhere", IRB, &[("Targets.mod", &targets(own)), ("Main.mod", &main(""))]));
     assert_eq!(rewritten, [4, 6], "{problems:?}");
     assert!(problems.len() == 1 && problems[0].contains("line 5") && problems[0].contains("'gluel'"), "{problems:?}");
+}
+
+#[test]
+fn what_other_modules_change_before_they_call_a_routine_of_this_one_is_listed() {
+    let program = "MODULE Paths\nPERS tooldata tDev:=[TRUE,[[0,0,80],[1,0,0,0]],[1,[0,0,40],[1,0,0,0],0,0,0]];\n\
+        PERS wobjdata wPart:=[FALSE,TRUE,\"\",[[5,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\nPERS robtarget p:=TARGET;\n\
+        PROC path10()\nMoveL p,v1,fine,tDev\\WObj:=wPart;\nENDPROC\nENDMODULE\n";
+    let cell = "MODULE Cell\nPROC Frame(INOUT wobjdata w)\nw.oframe.trans.x:=cam;\nENDPROC\nPROC Other()\np.trans.x:=cam;\nENDPROC\n\
+        PROC path11()\nENDPROC\nENDMODULE\n";
+    let of = |folder: &str, before: &str| {
+        let main =
+            format!("MODULE Main\nPROC main()\n{before}\nTurn;\nENDPROC\nPROC Turn()\npath10;\nENDPROC\nENDMODULE\n");
+        let files = [("Paths.mod", program), ("Main.mod", &main), ("Cell.mod", cell)];
+        told(&checked(folder, IRB, &files)).2
+    };
+    assert_eq!(of("around", "SetDO x,1;"), [""; 0]);
+    for (folder, before, words) in [
+        (
+            "around_target",
+            "p.trans.x:=cam;",
+            "line 5: is called from a module beside the program that changes a target",
+        ),
+        ("around_routine", "Other;", "line 5: is called from a module beside the program that changes a target"),
+        ("around_frame", "wPart.oframe.trans.x:=cam;", "line 5: the work object 'wpart' is changed by a module"),
+        ("around_lent", "Frame wPart;", "line 5: the work object 'wpart' is changed by a module"),
+        ("around_displaced", "PDispSet shift;", "line 5: is called from a module beside the program that displaces"),
+    ] {
+        let problems = of(folder, before);
+        assert!(problems.len() == 1 && problems[0].contains(words), "{before}: {problems:?}");
+    }
+    // another program of the same folder has a routine of that name itself
+    let main = "MODULE Main\nPROC main()\np.trans.x:=cam;\npath10;\nENDPROC\nPROC path10()\nENDPROC\nENDMODULE\n";
+    assert_eq!(told(&checked("around_itself", IRB, &[("Paths.mod", program), ("Main.mod", main)])).2, [""; 0]);
+}
+
+#[test]
+fn a_work_object_that_a_routine_of_another_module_changes_is_listed() {
+    let program = "MODULE Main\nPERS tooldata tDev:=[TRUE,[[0,0,80],[1,0,0,0]],[1,[0,0,40],[1,0,0,0],0,0,0]];\n\
+        PERS wobjdata wPart:=[FALSE,TRUE,\"\",[[5,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\nPERS robtarget p:=TARGET;\n\
+        PROC main()\nMeasure 1,wPart;\nMoveL p,v1,fine,tDev\\WObj:=wPart;\nENDPROC\nENDMODULE\n";
+    let one = "MODULE One\nPROC Measure(num n,INOUT wobjdata w)\nDeeper w;\nENDPROC\nENDMODULE\n";
+    let other = "MODULE Other\nPROC Deeper(INOUT wobjdata w)\nw.oframe.trans.x:=cam;\nENDPROC\nENDMODULE\n";
+    let problems = told(&checked("lent", IRB, &[("Main.mod", program), ("One.mod", one), ("Other.mod", other)])).2;
+    assert!(problems.len() == 1 && problems[0].contains("line 6: the work object 'wpart' is changed"), "{problems:?}");
+    // a copy is changed
+    let copy = other.replace("INOUT ", "");
+    let problems = told(&checked("lent_copy", IRB, &[("Main.mod", program), ("One.mod", one), ("Other.mod", &copy)])).2;
+    assert!(problems.is_empty(), "{problems:?}");
 }
 
 #[test]

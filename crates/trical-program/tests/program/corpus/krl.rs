@@ -4,6 +4,12 @@ use super::{Case, case};
 
 pub(super) const KRL: &[Case] = &[
     case(
+        "set in a branch, and then another tool",
+        "P={@0}\n$TOOL=$NULLFRAME\nLIN P\nIF $IN[1] THEN\nP={@1}\nENDIF\n$TOOL={X 0,Y 0,Z 9,A 0,B 0,C 0}\nLIN P\n",
+        &[5],
+        &[(1, "used with")],
+    ),
+    case(
         "arguments that are called as other names",
         "DEF A()\nDECL E6POS P={@0}\nDECL E6POS XP1={@1}\nDECL FRAME T={X 0,Y 0,Z 100,A 0,B 0,C 0}\nCONST REAL H=200\nLIN P\nGO(XP1)\nGO({@2})\nGO(SEEN())\nTIP(T,100)\nEND\nDEF GO(P:IN)\nDECL E6POS P\nLIN P\nEND\nDEF TIP(T:IN,H:IN)\nDECL FRAME T\n$TOOL=T\nLIN {@3}\nLIN {X @X3,Y @Y3,Z H,A 0,B 0,C 0}\nEND\n",
         &[2, 3, 8],

@@ -4,6 +4,12 @@ use super::{Case, case};
 
 pub(super) const URSCRIPT: &[Case] = &[
     case(
+        "a routine above its caller",
+        "w=p[@0]\ndef b():\nset_tcp(p[0,0,0.009,0,0,0])\nmovel(w)\nend\nset_tcp(p[0.018,-0.012,0.118,0,0,0])\nw=p[@1]\nmovel(w)\nb()\n",
+        &[1],
+        &[(7, "used with")],
+    ),
+    case(
         "a frame that is set anew along the way",
         "def a():\nref=p[0,0,0,0,0,0]\nref=p[0.1,0.2,0,0,0,0]\nmovel(pose_trans(ref,p[@0]))\nref=p[0,0,0,0,0,0]\nmovel(pose_trans(ref,p[@0]))\nplane=p[0,0,0,0,0,0]\nwhile b:\nmovel(pose_trans(plane,p[@0]))\nplane=p[0.1,0.2,0,0,0,0]\nend\ntable=p[0,0,0,0,0,0]\ntable=p[0.1,0.2,0,0,0,0]\ndef go():\nmovel(pose_trans(table,p[@0]))\nend\nend\n",
         &[4, 6],

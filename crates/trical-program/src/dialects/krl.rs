@@ -25,6 +25,7 @@ use crate::flow::Flow;
 use crate::frames::ToolFrame;
 use crate::literal::Shape;
 use crate::names::{Names, Origin, Way};
+use crate::reaching::Part;
 use crate::scan::{Fork, Scan, Setup, Visit, changed_here, hashed};
 use crate::text::{Cursor, Span, begins_line, is_one_of, lower, mentions};
 use arguments::Routines;
@@ -367,20 +368,9 @@ impl<'a> Reader<'a> {
         if is_one_of(word, &ELEMENTS) && self.changes_element() {
             self.scan.problem(from, changed_here("a tool or base"));
         }
-        let mut index = None;
-        let start = self.c.at;
-        if self.c.eat_in_line(b'[') {
-            index = self.c.number().map(|s| lower(s.text(self.c.bytes)));
-            let behind = self.c.until(b"]\n\r").len();
-            index = index.filter(|_| self.c.until(b"]\n\r").trim_ascii().is_empty());
-            self.c.at += behind;
-            if !self.c.eat_in_line(b']') {
-                self.c.at = start;
-                return;
-            }
-            if self.c.peek() == b'.' {
-                return self.part(from, word);
-            }
+        let index = self.index();
+        if self.c.peek() == b'.' {
+            return self.part(from, word);
         }
         let is = |w: &str| word.eq_ignore_ascii_case(w.as_bytes());
         if !self.c.eat_in_line(b'=') {
@@ -415,10 +405,22 @@ impl<'a> Reader<'a> {
         }
     }
 
+    /// What of an array is meant by the brackets that follow, if there are any; elements are counted from 1.
+    fn index(&mut self) -> Part {
+        if !self.c.eat_in_line(b'[') {
+            return Part::Whole;
+        }
+        let number = self.c.number().and_then(|n| n.value(self.c.bytes)).filter(|n| *n >= 1.0);
+        let behind = self.c.until(b"]\n\r");
+        self.c.at += behind.len();
+        self.c.eat_in_line(b']');
+        number.filter(|_| behind.trim_ascii().is_empty()).map_or(Part::Indexed, |n| Part::Element(n as usize - 1))
+    }
+
     /// `{...}` that is assigned to this word, or to an element of it.
-    fn assigned(&mut self, from: usize, word: &[u8], index: Option<String>) {
-        if let (true, Some(n)) = (is_one_of(word, &ELEMENTS), index) {
-            return self.element(word.eq_ignore_ascii_case(b"TOOL_DATA"), n);
+    fn assigned(&mut self, from: usize, word: &[u8], index: Part) {
+        if let (true, Part::Element(k)) = (is_one_of(word, &ELEMENTS), index) {
+            return self.element(word.eq_ignore_ascii_case(b"TOOL_DATA"), (k + 1).to_string());
         }
         let found = self.aggregate();
         if word.eq_ignore_ascii_case(b"FDAT_ACT") {
@@ -429,7 +431,7 @@ impl<'a> Reader<'a> {
             if self.c.eat_in_line(b':') {
                 self.names.set_from(self.key(word, from), Origin::Computed(from as u32));
             } else {
-                self.define(&found, Span::new(from, from + word.len()));
+                self.define(&found, Span::new(from, from + word.len()), index);
             }
         }
     }
@@ -464,11 +466,11 @@ impl<'a> Reader<'a> {
             let frame = self.frame(&found);
             self.declare(&lower(name), frame);
         } else {
-            self.define(&found, name_span);
+            self.define(&found, name_span, Part::Whole);
         }
     }
 
-    fn define(&mut self, found: &Aggregate<'_>, name: Span) {
+    fn define(&mut self, found: &Aggregate<'_>, name: Span, part: Part) {
         let first = self.scan.spots.len();
         let hash = self.key(name.text(self.c.bytes), name.at as usize);
         match (self.target(found, name), found.unread()) {
@@ -480,7 +482,7 @@ impl<'a> Reader<'a> {
             // some of its coordinates only
             (None, None) => self.names.set_from(hash, Origin::Computed(name.at)),
         }
-        self.names.define(hash, first, self.scan.spots.len());
+        self.names.define_part(hash, part, first, self.scan.spots.len());
     }
 
     /// `LIN {...} C_DIS`, `LIN XP1`, `CIRC P1,P2,CA 90`, `LIN XP1:{...}`, `LIN PALLET:XP1`
@@ -512,10 +514,12 @@ impl<'a> Reader<'a> {
             return false;
         }
         self.c.skip_blank();
-        let way = match (self.relative(), self.c.peek()) {
+        let part = self.index();
+        let way = match (self.relative(), part) {
             (true, _) => Way::Computed,
-            (false, b'[') => Way::Indexed,
-            (false, _) => Way::To,
+            (false, Part::Element(k)) => Way::Element(k),
+            (false, Part::Indexed) => Way::Indexed,
+            (false, Part::Whole) => Way::To,
         };
         if self.c.peek() == b'(' {
             self.names.visit(Visit::Unknown);
@@ -528,9 +532,6 @@ impl<'a> Reader<'a> {
         } else {
             let setup = self.moves();
             self.names.used(self.key(word, at), setup, way, at);
-        }
-        if self.c.peek() == b'[' {
-            self.c.skip_past(b']', b"\n\r");
         }
         true
     }

@@ -125,6 +125,12 @@ pub(super) const KRL: &[Case] = &[
     case("a function", "LIN GETPOS(3)\nLIN {@0}\n", &[2], &[(1, "calculates")]),
     case("an array", "DECL E6POS P[2]\nP[1]={@0}\nP[2]={@1}\nFOR I=1 TO 2\nLIN P[I]\nENDFOR\n", &[2, 3], &[]),
     case(
+        "elements of an array with their tools",
+        "DECL E6POS P[3]\nDECL INT I\n$BASE=$NULLFRAME\nP[1]={@0}\nP[2]={@1}\nP[3]={@2}\nBAS(#TOOL,0)\nLIN P[2]\nLIN P[3]\nP[2]={@3}\nBAS(#TOOL,7)\nLIN P[1]\nLIN P[2]\nLIN P[I]\nLIN P[4]\nBAS(#TOOL,0)\nDECL E6POS Q[2]\nQ[1]={@4}\nLIN Q[1]:{X 0,Y 0,Z -50,A 0,B 0,C 0}\n",
+        &[5, 18],
+        &[(4, "tool '7'"), (6, "one of them only"), (10, "tool '7'"), (15, "'P'")],
+    ),
+    case(
         "home at a singularity",
         "DECL AXIS HOME={A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}\nPTP HOME\nLIN {@0}\n",
         &[3],

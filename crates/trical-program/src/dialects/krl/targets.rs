@@ -93,7 +93,8 @@ pub(super) fn targets(bytes: &[u8], scopes: &Scopes) -> Named {
     Named { moved_to, frames, no_targets }
 }
 
-/// Names of which the program reads coordinates (`UP.Z`), and nowhere all: limits, distances.
+/// Names of which the program reads coordinates (`UP.Z`), and nowhere all: limits, distances. Not those to which other programs may
+/// go (`GLOBAL`).
 fn read_in_part(bytes: &[u8], scopes: &Scopes) -> HashSet<u64> {
     let mut found = HashSet::new();
     let mut c = Cursor::new(bytes, b';');
@@ -110,11 +111,14 @@ fn read_in_part(bytes: &[u8], scopes: &Scopes) -> HashSet<u64> {
         return found;
     }
     c.at = 0;
+    let mut is_global = false;
     while let Some((from, word)) = c.next_word() {
         if is_one_of(word, &TYPES) {
-            declarations(&mut c);
-            continue;
+            for name in declarations(&mut c).into_iter().filter(|_| is_global) {
+                found.remove(&scopes.key(name, from));
+            }
         }
+        is_global = word.eq_ignore_ascii_case(b"GLOBAL");
         let mut behind = c;
         skip_index(&mut behind);
         if behind.peek() != b'.' && !behind.assigns() {

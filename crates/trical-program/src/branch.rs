@@ -18,9 +18,9 @@ pub enum Configuration {
     /// KUKA's status and turn, where given.
     Kuka {
         /// Status.
-        s: Option<u8>,
-        /// Turn: bit i is set where joint i + 1 is below zero.
-        t: Option<u8>,
+        s: Option<u16>,
+        /// Turn: bit i is set where joint i + 1 is below zero; behind those of the arm are external axes.
+        t: Option<u16>,
     },
     /// FANUC's flip, up, front.
     Fanuc {
@@ -30,8 +30,25 @@ pub enum Configuration {
         up: bool,
         /// T: toward the front.
         front: bool,
+        /// Turn numbers of joints 1, 4, 6, where given: 0 is within half a turn of zero.
+        turns: Option<[i16; 3]>,
     },
 }
+
+/// Joints whose quadrants ABB names, and whose turns FANUC counts.
+const NAMED: [usize; 3] = [0, 3, 5];
+
+/// Parts of a joint's range that a configuration counts from 0.
+#[derive(Clone, Copy)]
+struct Parts {
+    /// Of one, rad.
+    size: f64,
+    /// Where number 0 begins, rad.
+    begin: f64,
+}
+
+const QUADRANTS: Parts = Parts { size: FRAC_PI_2, begin: 0.0 };
+const TURNS: Parts = Parts { size: TAU, begin: -PI };
 
 /// A joint may be this far beyond a quadrant that the text names, rad: texts are rounded.
 const SLACK: f64 = 2e-3;
@@ -100,7 +117,7 @@ impl Branches {
         match demanded {
             Configuration::Free => Some(0),
             Configuration::Abb(cf) => {
-                if [(0, cf[0]), (3, cf[1]), (5, cf[2])].iter().any(|(j, cf)| outside(q[*j], *cf) > SLACK) {
+                if QUADRANTS.exclude(cf, q) {
                     return None;
                 }
                 let Ok(x) = u8::try_from(cf[3]) else { return Some(0) };
@@ -119,7 +136,10 @@ impl Branches {
                 let wrist = below(q[4]).filter(|_| t.is_none());
                 Some(unlike(behind, s & 1 != 0) + unlike(bent, s & 2 != 0) + unlike(wrist, s & 4 != 0))
             }
-            Configuration::Fanuc { flip, up, front } => {
+            Configuration::Fanuc { flip, up, front, turns } => {
+                if turns.is_some_and(|turns| TURNS.exclude(&turns, q)) {
+                    return None;
+                }
                 let zero = self.elbow(&Joints::default());
                 let is_up = self.elbow(q).zip(zero).map(|(e, z)| e * z > 0.0);
                 let turned = q.iter().filter(|q| q.abs() > PI).count() as u32;
@@ -128,20 +148,13 @@ impl Branches {
         }
     }
 
-    /// What the text has to demand of `new`, where the way there from `old` crosses a quadrant or a zero: the numbers that
+    /// What the text has to demand of `new`, where the way there from `old` crosses a quadrant, a turn or a zero: the numbers that
     /// stand behind those of the pose.
     #[must_use]
     pub fn rewritten(&self, demanded: &Configuration, old: &Joints, new: &Joints) -> [Option<i16>; 3] {
         match demanded {
-            Configuration::Abb(cf) => {
-                let mut k = 0;
-                [0, 3, 5].map(|j| {
-                    let cf = cf[k];
-                    k += 1;
-                    let left = outside(new[j], cf) > outside(old[j], cf) + SAME;
-                    left.then(|| (new[j] / FRAC_PI_2).floor() as i16)
-                })
-            }
+            Configuration::Abb([cf1, cf4, cf6, _]) => QUADRANTS.crossed([*cf1, *cf4, *cf6], old, new),
+            Configuration::Fanuc { turns: Some(turns), .. } => TURNS.crossed(*turns, old, new),
             Configuration::Kuka { t: Some(t), .. } => {
                 let mut bits = *t;
                 for i in 0..self.dof.min(6) {
@@ -151,7 +164,7 @@ impl Branches {
                         bits ^= 1 << i;
                     }
                 }
-                [(bits != *t).then_some(i16::from(bits)), None, None]
+                [i16::try_from(bits).ok().filter(|_| bits != *t), None, None]
             }
             _ => [None; 3],
         }
@@ -192,10 +205,26 @@ impl Elbow {
     }
 }
 
-/// How far an angle is outside a quadrant, rad.
-fn outside(q: f64, quadrant: i16) -> f64 {
-    let from = f64::from(quadrant) * FRAC_PI_2;
-    (from - q).max(q - from - FRAC_PI_2).max(0.0)
+impl Parts {
+    /// How far an angle is outside part `n`, rad.
+    fn outside(self, q: f64, n: i16) -> f64 {
+        let from = self.begin + f64::from(n) * self.size;
+        (from - q).max(q - from - self.size).max(0.0)
+    }
+
+    /// Whether joints are elsewhere than in the parts that the text names.
+    fn exclude(self, numbers: &[i16], q: &Joints) -> bool {
+        NAMED.iter().zip(numbers).any(|(j, n)| self.outside(q[*j], *n) > SLACK)
+    }
+
+    /// The new numbers of joints that leave their parts.
+    fn crossed(self, numbers: [i16; 3], old: &Joints, new: &Joints) -> [Option<i16>; 3] {
+        std::array::from_fn(|k| {
+            let (j, n) = (NAMED[k], numbers[k]);
+            let left = self.outside(new[j], n) > self.outside(old[j], n) + SAME;
+            left.then(|| ((new[j] - self.begin) / self.size).floor() as i16)
+        })
+    }
 }
 
 fn wrapped(x: f64) -> f64 {

@@ -1,6 +1,7 @@
 //! Numbers that programs write as expressions: `300+10`, `h/2`, `-pi`, `d2r(90)`.
 //!
 //! Only what is the same on every run has a value here: numbers, names of constants, `+ - * /`, parentheses, and a few functions.
+//! In KRL, integers divide to integers: 5/2 is 2.
 
 use std::collections::HashMap;
 
@@ -13,11 +14,26 @@ const DEEPEST: usize = 16;
 /// Constants of a program by the hash of their names ([`hashed`]).
 #[derive(Debug, Default)]
 pub struct Constants {
-    values: HashMap<u64, Option<f64>>,
+    values: HashMap<u64, Option<Number>>,
     /// Whether sine and cosine are of degrees.
     degrees: bool,
+    /// Whether integers divide to integers.
+    truncates: bool,
     /// Whether `H` and `h` are two names.
     as_written: bool,
+}
+
+/// A value, and whether the language has it as an integer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Number {
+    value: f64,
+    whole: bool,
+}
+
+impl Number {
+    fn by(self, other: Self, of: impl Fn(f64, f64) -> f64) -> Self {
+        Self { value: of(self.value, other.value), whole: self.whole && other.whole }
+    }
 }
 
 impl Constants {
@@ -33,10 +49,25 @@ impl Constants {
         Self { degrees: true, ..Self::default() }
     }
 
+    /// None yet, in a language whose sine and cosine are of degrees, and whose integers divide to integers.
+    #[must_use]
+    pub fn with_integers() -> Self {
+        Self { truncates: true, ..Self::with_degrees() }
+    }
+
     /// A constant; a second one of this name with another value makes both unknown.
     pub fn define(&mut self, name: u64, value: f64) {
-        let known = self.values.entry(name).or_insert(Some(value));
-        if *known != Some(value) {
+        self.keep(name, Number { value, whole: false });
+    }
+
+    /// As [`Self::define`], of one that is an integer.
+    pub fn define_integer(&mut self, name: u64, value: f64) {
+        self.keep(name, Number { value: value.round(), whole: true });
+    }
+
+    fn keep(&mut self, name: u64, new: Number) {
+        let known = self.values.entry(name).or_insert(Some(new));
+        if *known != Some(new) {
             *known = None;
         }
     }
@@ -49,10 +80,14 @@ impl Constants {
     /// The value of the constant, where there is one of this name.
     #[must_use]
     pub fn get(&self, name: &[u8]) -> Option<f64> {
+        self.named(name).map(|known| known.value)
+    }
+
+    fn named(&self, name: &[u8]) -> Option<Number> {
         let hash = if self.as_written { hashed_as_written(name) } else { hashed(name) };
         match self.values.get(&hash) {
             Some(value) => *value,
-            None => name.eq_ignore_ascii_case(b"pi").then_some(std::f64::consts::PI),
+            None => name.eq_ignore_ascii_case(b"pi").then_some(Number { value: std::f64::consts::PI, whole: false }),
         }
     }
 
@@ -60,11 +95,11 @@ impl Constants {
     /// passed.
     pub fn expression(&self, c: &mut Cursor<'_>) -> Option<(Span, f64)> {
         let start = *c;
-        let found = self.sum(c, 0).filter(|(_, value)| value.is_finite());
+        let found = self.sum(c, 0).filter(|(_, found)| found.value.is_finite());
         if found.is_none() {
             *c = start;
         }
-        found.map(|(end, value)| (Span::new(start.at, end), value))
+        found.map(|(end, found)| (Span::new(start.at, end), found.value))
     }
 
     /// A number that stands at the cursor before one of `ends`, plain or calculated; what is none is not passed.
@@ -88,30 +123,34 @@ impl Constants {
     }
 
     /// The end of the text, and the value.
-    fn sum(&self, c: &mut Cursor<'_>, depth: usize) -> Option<(usize, f64)> {
+    fn sum(&self, c: &mut Cursor<'_>, depth: usize) -> Option<(usize, Number)> {
         let (mut end, mut value) = self.product(c, depth)?;
         while let Some(op) = operator(c, b"+-") {
             let (to, x) = self.product(c, depth)?;
-            value += if op == b'+' { x } else { -x };
+            value = value.by(x, |a, b| if op == b'+' { a + b } else { a - b });
             end = to;
         }
         Some((end, value))
     }
 
-    fn product(&self, c: &mut Cursor<'_>, depth: usize) -> Option<(usize, f64)> {
+    fn product(&self, c: &mut Cursor<'_>, depth: usize) -> Option<(usize, Number)> {
         let (mut end, mut value) = self.factor(c, depth)?;
         while let Some(op) = operator(c, b"*/") {
             let (to, x) = self.factor(c, depth)?;
-            value = if op == b'*' { value * x } else { value / x };
+            value = value.by(x, |a, b| if op == b'*' { a * b } else { a / b });
+            if op == b'/' && value.whole && self.truncates {
+                value.value = value.value.trunc();
+            }
             end = to;
         }
         Some((end, value))
     }
 
-    fn factor(&self, c: &mut Cursor<'_>, depth: usize) -> Option<(usize, f64)> {
+    fn factor(&self, c: &mut Cursor<'_>, depth: usize) -> Option<(usize, Number)> {
         c.skip_space();
         if let Some(span) = c.number() {
-            return Some((c.at, span.value(c.bytes)?));
+            let whole = !span.text(c.bytes).iter().any(|b| b".eE".contains(b)) || c.bytes.get(c.at - 1) == Some(&b'\'');
+            return Some((c.at, Number { value: span.value(c.bytes)?, whole }));
         }
         if depth > DEEPEST {
             return None;
@@ -120,7 +159,7 @@ impl Constants {
             sign @ (b'-' | b'+') => {
                 c.at += 1;
                 let (end, x) = self.factor(c, depth + 1)?;
-                Some((end, if sign == b'-' { -x } else { x }))
+                Some((end, if sign == b'-' { Number { value: -x.value, ..x } } else { x }))
             }
             b'(' => self.in_parentheses(c, depth),
             _ => {
@@ -132,19 +171,19 @@ impl Constants {
                 c.skip_blank();
                 if c.peek() == b'(' {
                     let (end, x) = self.in_parentheses(c, depth)?;
-                    return Some((end, self.function(name, x)?));
+                    return Some((end, Number { value: self.function(name, x.value)?, whole: false }));
                 }
                 c.at = end;
                 // not a part or an element of something
                 if matches!(c.peek(), b'.' | b'[' | b'{') {
                     return None;
                 }
-                Some((end, self.get(name)?))
+                Some((end, self.named(name)?))
             }
         }
     }
 
-    fn in_parentheses(&self, c: &mut Cursor<'_>, depth: usize) -> Option<(usize, f64)> {
+    fn in_parentheses(&self, c: &mut Cursor<'_>, depth: usize) -> Option<(usize, Number)> {
         c.at += 1;
         let (_, value) = self.sum(c, depth + 1)?;
         c.eat(b')').then_some((c.at, value))
@@ -203,5 +242,22 @@ mod tests {
             assert_eq!(value(none), None, "{none}");
         }
         assert_eq!(value(&"(".repeat(1_000_000)), None);
+    }
+
+    #[test]
+    fn integers_divide_to_integers_where_the_language_says_so() {
+        let value = |mut known: Constants, text: &str| {
+            known.define(hashed(b"h"), 5.0);
+            known.define_integer(hashed(b"w"), 5.0);
+            known.expression(&mut Cursor::new(text.as_bytes(), b';')).map(|(_, v)| v)
+        };
+        let of = |text: &str| [Constants::with_integers(), Constants::with_degrees()].map(|known| value(known, text));
+        for (text, truncated) in [("w/2", 2.0), ("1+-w/2*3", -5.0), ("(w+2)/'HE'", 0.0), ("7/(w-3)/2.0", 1.5)] {
+            assert_eq!(of(text)[0], Some(truncated), "{text}");
+        }
+        for real in ["h/2", "w/2.0", "w/2e0", "5.0/2"] {
+            assert_eq!(of(real), [Some(2.5); 2], "{real}");
+        }
+        assert_eq!([of("w/2")[1], of("5/2")[1], of("w/0")[0]], [Some(2.5), Some(2.5), None]);
     }
 }

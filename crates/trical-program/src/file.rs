@@ -181,8 +181,10 @@ impl Sink for std::io::Sink {
 /// The files of a KRL program, declarations first.
 fn together(program: &Path) -> Vec<PathBuf> {
     let other = |extension: &str| {
-        let all = [extension.to_owned(), extension.to_uppercase()];
-        all.iter().map(|e| program.with_extension(e)).find(|p| p.is_file())
+        let name = program.with_extension(extension);
+        let folder = program.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let found = entry(folder, &name.file_name()?.to_string_lossy())?;
+        Some(program.with_file_name(found.file_name()?)).filter(|p| p.is_file())
     };
     let extension = program.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     let own = program.to_owned();

@@ -3,7 +3,7 @@
 //! A reader goes through the text from its first line to its last, and tells of every block. It goes again with what the passes before saw until
 //! nothing changes, since a routine may stand behind its calls, and a loop begins as it ends.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use crate::elsewhere::Elsewhere;
 use crate::scan::{Call, Fork, Scan, Setup, hashed};
@@ -18,6 +18,7 @@ const UNKNOWN: &str = "an unknown";
 /// Why.
 const IN_BRANCH: &str = "set in a branch";
 const IN_LOOP: &str = "set in a loop";
+const BY_INTERRUPT: &str = "not the same wherever its interrupt may come";
 const BY_CALLER: &str = "not the same wherever the routine is called";
 const BY_ROUTINE: &str = "not the same wherever a routine returns";
 const ELSEWHERE: &str = "set by a routine of another file";
@@ -62,6 +63,10 @@ pub struct Flow {
     known: HashMap<Block, Passage>,
     seen: HashMap<Block, Passage>,
     open: Vec<Open>,
+    /// Routines of interrupts.
+    interrupts: HashSet<u64>,
+    /// What is set wherever the arm moves, outside of the routines of interrupts.
+    moving: Option<Setup>,
     /// By the hashed name; the first of each.
     calls: HashMap<u64, Call>,
 }
@@ -78,7 +83,11 @@ impl Flow {
         loop {
             let (flow, mut made) = pass(Self { known, ..Self::default() });
             passes += 1;
-            let Self { known: before, mut seen, calls, .. } = flow;
+            let Self { known: before, mut seen, calls, interrupts, moving, .. } = flow;
+            for name in interrupts {
+                let begins = &mut seen.entry(Block::Routine(name)).or_default().begins;
+                *begins = begins.take().or(moving.clone()).map(|b| either(moving.as_ref(), &b, BY_INTERRUPT));
+            }
             let is_here = |name: &u64| seen.get(&Block::Routine(*name)).is_some_and(|p| p.ends.is_some());
             let mut calls: Vec<(u64, Call)> = calls.into_iter().filter(|(name, _)| !is_here(name)).collect();
             // files are read in the order of the calls, whatever the order of hashes
@@ -172,8 +181,20 @@ impl Flow {
         Some(is_statement)
     }
 
-    /// Where a routine may be called from here, at any time (an interrupt).
-    pub fn called(&mut self, name: u64, now: &Setup) {
+    /// Here begins what may call a routine at any time.
+    pub fn interrupt(&mut self, routine: u64) {
+        self.interrupts.insert(routine);
+    }
+
+    /// The arm moves here, with this set.
+    pub fn moves(&mut self, now: &Setup) {
+        let of_interrupt = |o: &Open| matches!(o, Open::Routine { name, .. } if self.interrupts.contains(name));
+        if self.moving.as_ref() != Some(now) && !self.open.iter().any(of_interrupt) {
+            self.moving = Some(either(self.moving.as_ref(), now, BY_INTERRUPT));
+        }
+    }
+
+    fn called(&mut self, name: u64, now: &Setup) {
         let passage = self.seen.entry(Block::Routine(name)).or_default();
         passage.begins = Some(either(passage.begins.as_ref(), now, BY_CALLER));
     }

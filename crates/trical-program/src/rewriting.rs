@@ -243,7 +243,9 @@ fn configuration_unsaid(scan: &Scan) -> Option<String> {
         Visit::To(spot) => scan.spots.get(*spot as usize),
         _ => None,
     });
-    let unsaid = first.is_some_and(|s| !s.shape.is_joints() && s.configuration == Configuration::Free);
+    // those that no motion names are solved in the order of the file
+    let unsaid =
+        first.or(scan.spots.first()).is_some_and(|s| !s.shape.is_joints() && s.configuration == Configuration::Free);
     (unsaid && scan.nearest.is_empty()).then(|| {
         "nothing says in which configuration (shoulder, elbow, wrist) the arm comes to the program's first target: the one nearest to joints at zero is taken; a motion to joint values before it would say it".into()
     })

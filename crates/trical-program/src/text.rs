@@ -25,7 +25,7 @@ impl Span {
         bytes.get(self.at as usize..self.at as usize + self.len as usize).unwrap_or(&[])
     }
 
-    /// The number that stands there; KUKA's binary form ('B1010') too.
+    /// The number that stands there; KUKA's binary and hexadecimal forms ('B1010', 'H2A') too.
     #[must_use]
     pub fn value(self, bytes: &[u8]) -> Option<f64> {
         number(self.text(bytes))
@@ -35,15 +35,24 @@ impl Span {
 /// A finite number, or `None`.
 #[must_use]
 pub fn number(text: &[u8]) -> Option<f64> {
-    if let Some(bits) = text.strip_prefix(b"'B").or_else(|| text.strip_prefix(b"'b")) {
-        let bits = std::str::from_utf8(bits.strip_suffix(b"'")?).ok()?;
-        return u32::from_str_radix(bits, 2).ok().map(f64::from);
+    if let Some(radix) = radix(text) {
+        let digits = std::str::from_utf8(text[2..].strip_suffix(b"'")?).ok()?;
+        return u32::from_str_radix(digits, radix).ok().map(f64::from);
     }
     // "inf" and "nan" are names here
     if !text.first().is_some_and(|b| b.is_ascii_digit() || matches!(b, b'+' | b'-' | b'.')) {
         return None;
     }
     std::str::from_utf8(text).ok()?.parse().ok().filter(|x: &f64| x.is_finite())
+}
+
+/// The radix of one of KUKA's numbers that are not decimal, by how it begins.
+fn radix(text: &[u8]) -> Option<u32> {
+    match text.get(..2)? {
+        b"'B" | b"'b" => Some(2),
+        b"'H" | b"'h" => Some(16),
+        _ => None,
+    }
 }
 
 /// What a file in UTF-8 may begin with.
@@ -236,7 +245,7 @@ impl<'a> Cursor<'a> {
     /// The number that begins here, where one does.
     pub fn number(&mut self) -> Option<Span> {
         let from = self.at;
-        if self.bytes[from..].starts_with(b"'B") || self.bytes[from..].starts_with(b"'b") {
+        if radix(&self.bytes[from..]).is_some() {
             let close = self.bytes[from + 2..].iter().take(34).position(|b| *b == b'\'')?;
             self.at = from + close + 3;
         } else {
@@ -286,6 +295,17 @@ pub fn written(new: f64, old: &[u8], least: usize) -> String {
     match text.strip_prefix('-') {
         Some(positive) if positive.bytes().all(|b| matches!(b, b'0' | b'.')) => positive.to_owned(),
         _ => text,
+    }
+}
+
+/// A whole number in the form of the old text, with as many digits where that is not decimal.
+#[must_use]
+pub fn written_whole(new: i16, old: &[u8]) -> String {
+    let (digits, form) = (old.len().saturating_sub(3), old.get(1).copied().map_or('B', char::from));
+    match radix(old) {
+        Some(2) => format!("'{form}{new:0digits$b}'"),
+        Some(_) => format!("'{form}{new:0digits$X}'"),
+        None => new.to_string(),
     }
 }
 

@@ -8,7 +8,7 @@ use super::arms::Compensator;
 use super::starts::Start;
 use crate::literal::{MOST, Meant};
 use crate::scan::Spot;
-use crate::text::{Span, written};
+use crate::text::{Span, written, written_whole};
 
 /// A correction of a few mm that asks more of a joint than this says that the arm is nearly singular there, rad.
 const MOST_JOINT_MOVE: f64 = 3.0_f64.to_radians();
@@ -137,7 +137,11 @@ impl Compensator<'_> {
         if !self.scan.configuration_off && !self.options.configuration_off {
             let new = self.branches.rewritten(&spot.configuration, &start.q, joints);
             let behind = spans.get(count..).unwrap_or(&[]);
-            edits.extend(new.iter().zip(behind).filter_map(|(n, span)| Some((*span, (*n)?.to_string()))));
+            edits.extend(
+                new.iter()
+                    .zip(behind)
+                    .filter_map(|(n, span)| Some((*span, written_whole((*n)?, span.text(self.bytes))))),
+            );
         }
         (edits, read_back)
     }

@@ -93,12 +93,19 @@ fn tracks_line(bytes: &[u8], end: usize) -> Option<usize> {
     (c.eat_in_line(b':') && c.number()?.value(bytes)? != 0.0).then_some(at)
 }
 
-/// The tool or frame that the program activates: nothing where it says none; an error where it says several, or calculates it.
+/// The tool or frame that the program activates for the arm: nothing where it says none; an error where it says several, or
+/// calculates it.
 fn active(main: &[u8], what: &str) -> Result<Option<String>, String> {
     let mut found: Option<String> = None;
     for line in main.split(|b| *b == b'\n') {
         let text = statement(line).to_ascii_uppercase();
         let Some(rest) = text.strip_prefix(what.as_bytes()).map(<[u8]>::trim_ascii_start) else { continue };
+        let close = rest.iter().position(|b| *b == b']').filter(|_| rest.starts_with(b"["));
+        let (groups, rest) = rest.split_at(close.map_or(0, |k| k + 1));
+        if !groups.is_empty() && !groups.contains(&b'1') {
+            continue;
+        }
+        let rest = rest.trim_ascii_start();
         let Some(rest) = rest.strip_prefix(b"=").map(<[u8]>::trim_ascii_start) else { continue };
         let digits: Vec<u8> = rest.iter().copied().take_while(u8::is_ascii_digit).collect();
         let number = lower(&digits);
@@ -125,6 +132,8 @@ struct Fields<'a> {
     /// Coordinates and joints by name; nothing where a value is no number.
     numbers: Vec<(&'a [u8], Option<Span>)>,
     configuration: Option<Configuration>,
+    /// Turn numbers of the configuration.
+    turns: Option<[(Span, i16); 3]>,
     tool: Option<String>,
     frame: Option<String>,
     /// Whether a value is `***`.
@@ -167,7 +176,8 @@ impl<'a> Fields<'a> {
         if c.peek() == b'\'' {
             let start = c.at;
             c.skip_string();
-            match config(&c.bytes[start..c.at]) {
+            self.turns = turns(c, start);
+            match config(&c.bytes[start..c.at], self.turns.map(|all| all.map(|(_, turn)| turn))) {
                 Some(found) => self.configuration = Some(found),
                 None => {
                     let text = String::from_utf8_lossy(&c.bytes[start..c.at.min(start + 40)]).into_owned();
@@ -239,8 +249,11 @@ fn position(
         names.listed(hash);
         return;
     }
-    let spot = match &pose {
-        Some(pose) => scan.push(Shape::Xyz, pose, found.configuration.unwrap_or(Configuration::Free), name),
+    let spot = match pose {
+        Some(mut numbers) => {
+            numbers.extend(found.turns.iter().flatten().map(|(span, _)| *span));
+            scan.push(Shape::Xyz, &numbers, found.configuration.unwrap_or(Configuration::Free), name)
+        }
         None => scan.push(Shape::JointsFanuc, &joints, Configuration::Free, name),
     };
     let external = [b"E1", b"E2", b"E3"].map(|axis| found.number(axis)?.value(c.bytes));
@@ -250,15 +263,27 @@ fn position(
     names.define(hash, spot as usize, spot as usize + 1);
 }
 
-/// `'N U T, 0, 0, 0'`; `None` where letters stand there that mean something else.
-fn config(text: &[u8]) -> Option<Configuration> {
+/// The turn numbers in `'N U T, 0, 0, 0'`, which stands from `at` to the cursor.
+fn turns(c: &Cursor<'_>, at: usize) -> Option<[(Span, i16); 3]> {
+    let mut inside = Cursor::new(c.bytes.get(..c.at)?, 0);
+    inside.at = at;
+    let mut next = || {
+        inside.skip_to(b",");
+        let number = inside.eat_in_line(b',').then(|| inside.number())??;
+        Some((number, number.value(c.bytes)? as i16))
+    };
+    Some([next()?, next()?, next()?])
+}
+
+/// `'N U T, 0, 0, 0'`, with these turn numbers; `None` where letters stand there that mean something else.
+fn config(text: &[u8], turns: Option<[i16; 3]>) -> Option<Configuration> {
     let words = || text.split(|b| !b.is_ascii_alphanumeric()).filter(|w| w.iter().any(u8::is_ascii_alphabetic));
     let has = |b: u8| words().any(|w| w == [b]);
     if words().next().is_none() {
         return Some(Configuration::Free);
     }
     let whole = (has(b'N') || has(b'F')) && (has(b'U') || has(b'D')) && (has(b'T') || has(b'B'));
-    whole.then(|| Configuration::Fanuc { flip: has(b'F'), up: has(b'U'), front: has(b'T') })
+    whole.then(|| Configuration::Fanuc { flip: has(b'F'), up: has(b'U'), front: has(b'T'), turns })
 }
 
 /// Whether a line has this word, with nothing of a name before it.
@@ -275,7 +300,7 @@ fn has(line: &[u8], word: &[u8]) -> bool {
 const STATEMENTS: &str = " J L C S A P PR R F M DO DI RO RI GO GI AO AI SO SI UO UI WO WI SR AR VR TIMER IF ELSE ENDIF SELECT FOR ENDFOR \
     WAIT JMP LBL CALL RUN OVERRIDE PAUSE ABORT END MESSAGE UALM UFRAME UTOOL PAYLOAD SKIP OFFSET TOOL COL MONITOR RSR LOCK UNLOCK JOINT \
     LINEAR ERROR RESUME STRLEN SUBSTR FINDSTR VISION ARC WEAVE TRACK TC DIAG TORQ PULSE BREAK SOFTFLOAT STOP LINE SENSOR POINT PERCH \
-    DEFAULT EG ";
+    DEFAULT EG INDEPENDENT SIMULTANEOUS ";
 
 /// Beginnings of statements behind which motions end elsewhere than they say, until one of the same kind says END.
 const DISPLACES: [&[u8]; 2] = [b"TRACK ", b"TOUCH OFFSET "];
@@ -375,6 +400,8 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
             scan.problem(offset, what);
         } else if moves(&upper) {
             motion(&upper, &all, offset, scan, names);
+        } else if let Some((at, own)) = of_first_group(&upper) {
+            motion(own, &places(own), offset + at, scan, names);
         }
     }
 }
@@ -400,6 +427,22 @@ fn moves(upper: &[u8]) -> bool {
     matches!(upper.first(), Some(b'J' | b'L' | b'C' | b'S' | b'A'))
         && !upper.get(1).is_some_and(u8::is_ascii_alphanumeric)
         || matches!(upper.get(..2), Some(b"P[" | b"PR"))
+}
+
+/// What moves motion group 1 in a statement that moves several (`GP1 J P[1] 100% FINE`, in lines of its own), and its offset.
+fn of_first_group(upper: &[u8]) -> Option<(usize, &[u8])> {
+    let mut found = None;
+    let mut at = 0;
+    for line in upper.split_inclusive(|b| *b == b'\n') {
+        let text = statement(line);
+        match (found, text.strip_prefix(b"GP1")) {
+            (Some(from), _) if text.starts_with(b"GP") => return Some((from, &upper[from..at])),
+            (None, Some(motion)) => found = Some(at + line.len() - motion.trim_ascii_start().len()),
+            _ => {}
+        }
+        at += line.len();
+    }
+    found.map(|from| (from, &upper[from..]))
 }
 
 /// Where a motion goes that goes to no position and no register, `PAL_1[A_1]`.

@@ -25,6 +25,7 @@ use crate::flow::Flow;
 use crate::frames::ToolFrame;
 use crate::literal::Shape;
 use crate::names::{Names, Origin, Way};
+use crate::reaching::Part;
 use crate::scan::{Fork, Scan, Setup, Visit, changed_here, hashed};
 use crate::text::{Cursor, Span, begins_line, is_one_of, lower, mentions};
 use arguments::Routines;
@@ -96,7 +97,7 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
             names: Names::default(),
             named: &named,
             routines: &routines,
-            constants: Constants::with_degrees(),
+            constants: Constants::with_integers(),
             now: Setup::default(),
             spline: None,
             flow,
@@ -167,9 +168,9 @@ impl Aggregate<'_> {
         numbers?.try_into().ok()
     }
 
-    /// The first field of a target, tool or base that has no value.
+    /// The first field of a target, tool or base that has no value before the program runs.
     fn unread(&self) -> Option<Span> {
-        let is_read = |name| [&POSE[..], &AXES, &OTHERS].iter().any(|list| is_one_of(name, list));
+        let is_read = |name| [&POSE[..], &AXES, &EXTERNAL, &OTHERS].iter().any(|list| is_one_of(name, list));
         self.0.iter().filter(|(name, _)| is_read(name)).find_map(|(_, value)| value.err())
     }
 }
@@ -209,7 +210,7 @@ impl<'a> Reader<'a> {
                 continue;
             }
             if is_one_of(word, &[b"REAL", b"INT"]) {
-                self.number(before.eq_ignore_ascii_case(b"CONST"));
+                self.number(before.eq_ignore_ascii_case(b"CONST"), word.eq_ignore_ascii_case(b"INT"));
             } else if is_one_of(word, &MOTIONS) {
                 let before = self.now.clone();
                 self.with();
@@ -286,7 +287,7 @@ impl<'a> Reader<'a> {
         } else if is(&[b"RETURN"]) {
             flow.returns(now);
         } else if is(&[b"INTERRUPT"]) {
-            flow.called(before_bracket(c), now);
+            flow.interrupt(before_bracket(c));
         } else if is(&[b"LOOP", b"WHILE", b"FOR", b"REPEAT"]) {
             flow.repeat(from, now);
             names.fork(Fork::Repeats);
@@ -312,7 +313,7 @@ impl<'a> Reader<'a> {
     }
 
     /// `CONST REAL H=200`, and `REAL H,K`: a variable is another one than a constant of its name elsewhere.
-    fn number(&mut self, is_constant: bool) {
+    fn number(&mut self, is_constant: bool, is_integer: bool) {
         loop {
             self.c.skip_blank();
             let name = self.c.word();
@@ -321,6 +322,7 @@ impl<'a> Reader<'a> {
             }
             let is_given = is_constant && self.c.eat_in_line(b'=');
             match self.constants.expression(&mut self.c).filter(|_| is_given) {
+                Some((_, value)) if is_integer => self.constants.define_integer(hashed(name), value),
                 Some((_, value)) => self.constants.define(hashed(name), value),
                 None => self.constants.forget(hashed(name)),
             }
@@ -366,20 +368,9 @@ impl<'a> Reader<'a> {
         if is_one_of(word, &ELEMENTS) && self.changes_element() {
             self.scan.problem(from, changed_here("a tool or base"));
         }
-        let mut index = None;
-        let start = self.c.at;
-        if self.c.eat_in_line(b'[') {
-            index = self.c.number().map(|s| lower(s.text(self.c.bytes)));
-            let behind = self.c.until(b"]\n\r").len();
-            index = index.filter(|_| self.c.until(b"]\n\r").trim_ascii().is_empty());
-            self.c.at += behind;
-            if !self.c.eat_in_line(b']') {
-                self.c.at = start;
-                return;
-            }
-            if self.c.peek() == b'.' {
-                return self.part(from, word);
-            }
+        let index = self.index();
+        if self.c.peek() == b'.' {
+            return self.part(from, word);
         }
         let is = |w: &str| word.eq_ignore_ascii_case(w.as_bytes());
         if !self.c.eat_in_line(b'=') {
@@ -414,10 +405,22 @@ impl<'a> Reader<'a> {
         }
     }
 
+    /// What of an array is meant by the brackets that follow, if there are any; elements are counted from 1.
+    fn index(&mut self) -> Part {
+        if !self.c.eat_in_line(b'[') {
+            return Part::Whole;
+        }
+        let number = self.c.number().and_then(|n| n.value(self.c.bytes)).filter(|n| *n >= 1.0);
+        let behind = self.c.until(b"]\n\r");
+        self.c.at += behind.len();
+        self.c.eat_in_line(b']');
+        number.filter(|_| behind.trim_ascii().is_empty()).map_or(Part::Indexed, |n| Part::Element(n as usize - 1))
+    }
+
     /// `{...}` that is assigned to this word, or to an element of it.
-    fn assigned(&mut self, from: usize, word: &[u8], index: Option<String>) {
-        if let (true, Some(n)) = (is_one_of(word, &ELEMENTS), index) {
-            return self.element(word.eq_ignore_ascii_case(b"TOOL_DATA"), n);
+    fn assigned(&mut self, from: usize, word: &[u8], index: Part) {
+        if let (true, Part::Element(k)) = (is_one_of(word, &ELEMENTS), index) {
+            return self.element(word.eq_ignore_ascii_case(b"TOOL_DATA"), (k + 1).to_string());
         }
         let found = self.aggregate();
         if word.eq_ignore_ascii_case(b"FDAT_ACT") {
@@ -428,7 +431,7 @@ impl<'a> Reader<'a> {
             if self.c.eat_in_line(b':') {
                 self.names.set_from(self.key(word, from), Origin::Computed(from as u32));
             } else {
-                self.define(&found, Span::new(from, from + word.len()));
+                self.define(&found, Span::new(from, from + word.len()), index);
             }
         }
     }
@@ -463,11 +466,11 @@ impl<'a> Reader<'a> {
             let frame = self.frame(&found);
             self.declare(&lower(name), frame);
         } else {
-            self.define(&found, name_span);
+            self.define(&found, name_span, Part::Whole);
         }
     }
 
-    fn define(&mut self, found: &Aggregate<'_>, name: Span) {
+    fn define(&mut self, found: &Aggregate<'_>, name: Span, part: Part) {
         let first = self.scan.spots.len();
         let hash = self.key(name.text(self.c.bytes), name.at as usize);
         match (self.target(found, name), found.unread()) {
@@ -479,7 +482,7 @@ impl<'a> Reader<'a> {
             // some of its coordinates only
             (None, None) => self.names.set_from(hash, Origin::Computed(name.at)),
         }
-        self.names.define(hash, first, self.scan.spots.len());
+        self.names.define_part(hash, part, first, self.scan.spots.len());
     }
 
     /// `LIN {...} C_DIS`, `LIN XP1`, `CIRC P1,P2,CA 90`, `LIN XP1:{...}`, `LIN PALLET:XP1`
@@ -511,10 +514,12 @@ impl<'a> Reader<'a> {
             return false;
         }
         self.c.skip_blank();
-        let way = match (self.relative(), self.c.peek()) {
+        let part = self.index();
+        let way = match (self.relative(), part) {
             (true, _) => Way::Computed,
-            (false, b'[') => Way::Indexed,
-            (false, _) => Way::To,
+            (false, Part::Element(k)) => Way::Element(k),
+            (false, Part::Indexed) => Way::Indexed,
+            (false, Part::Whole) => Way::To,
         };
         if self.c.peek() == b'(' {
             self.names.visit(Visit::Unknown);
@@ -525,20 +530,23 @@ impl<'a> Reader<'a> {
         if is_one_of(word, &HERE) {
             self.names.visit(Visit::Unknown);
         } else {
-            let setup = self.scan.setup(self.now.clone());
+            let setup = self.moves();
             self.names.used(self.key(word, at), setup, way, at);
         }
-        if self.c.peek() == b'[' {
-            self.c.skip_past(b']', b"\n\r");
-        }
         true
+    }
+
+    /// The setup of a motion here.
+    fn moves(&mut self) -> u32 {
+        self.flow.moves(&self.now);
+        self.scan.setup(self.now.clone())
     }
 
     /// The motion to a target that is written out at `at`.
     fn goes_to(&mut self, at: usize, found: &Aggregate<'_>) -> Visit {
         match (self.target(found, Span::default()), found.unread()) {
             (Some(spot), _) => {
-                let setup = self.scan.setup(self.now.clone());
+                let setup = self.moves();
                 self.scan.assign(spot, setup);
                 return Visit::To(spot);
             }
@@ -608,19 +616,21 @@ impl<'a> Reader<'a> {
     }
 
     fn target(&mut self, found: &Aggregate<'_>, name: Span) -> Option<u32> {
+        if found.unread().is_some() {
+            return None;
+        }
         let bytes = self.c.bytes;
         let spot = if let Some(spans) = found.all(&POSE) {
             let (status, turn) = (found.number(b"S"), found.number(b"T"));
             let small = |s: Option<Span>| {
-                s.and_then(|s| self.scan.value(s, bytes)).filter(|v| (0.0..256.0).contains(v)).map(|v| v as u8)
+                s.and_then(|s| self.scan.value(s, bytes)).filter(|v| (0.0..4096.0).contains(v)).map(|v| v as u16)
             };
             let configuration = match (status, turn) {
                 (None, None) => Configuration::Free,
                 _ => Configuration::Kuka { s: small(status), t: small(turn) },
             };
             let mut list = spans.to_vec();
-            // a turn in binary is longer than what would replace it
-            list.extend(turn.filter(|t| !t.text(bytes).starts_with(b"'")));
+            list.extend(turn);
             self.scan.push(Shape::Zyx, &list, configuration, name)
         } else {
             self.scan.push(Shape::JointsDeg, &found.all(&AXES)?, Configuration::Free, name)

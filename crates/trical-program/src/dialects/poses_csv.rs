@@ -77,12 +77,15 @@ impl Columns {
             });
             let mut found: Vec<(usize, usize, Unit)> = found.collect();
             found.sort_unstable_by_key(|(k, at, _)| (*k, *at));
-            found.dedup_by_key(|(k, ..)| *k);
+            if let Some([a, b]) = found.windows(2).find(|two| two[0].0 == two[1].0) {
+                let (a, b) = (&names[a.1], &names[b.1]);
+                return Err(format!("header: found {a} and {b}, which are the same number; expected one of them"));
+            }
             // the first ones, as far as none is missing
-            found.into_iter().enumerate().take_while(|(n, (k, ..))| n == k).map(|(_, one)| one).collect::<Vec<_>>()
+            Ok(found.into_iter().enumerate().take_while(|(n, (k, ..))| n == k).map(|(_, one)| one).collect::<Vec<_>>())
         };
-        let [position, quaternion, angles, joints] =
-            [Field::Position, Field::Quaternion, Field::RollPitchYaw, Field::Joints].map(of);
+        let (position, quaternion) = (of(Field::Position)?, of(Field::Quaternion)?);
+        let (angles, joints) = (of(Field::RollPitchYaw)?, of(Field::Joints)?);
         if let Some(column) = MEASURED.iter().find(|name| find(name).is_some()) {
             return Err(format!(
                 "header: found {column}, as measurements have; expected a table of targets, {EXPECTED}"

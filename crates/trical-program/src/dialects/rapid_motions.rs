@@ -149,6 +149,12 @@ impl<'a> Reader<'a> {
                     }
                 }
                 b'"' => self.c.skip_string(),
+                b'*' if arguments.awaits_target() => {
+                    let what = "goes to a target without a name (*), whose numbers the text does not have";
+                    self.scan.problem(self.c.at, what);
+                    arguments.places.push(Place::Here);
+                    self.c.at += 1;
+                }
                 b':' | b'=' | b'(' if self.c.at <= begin + 2 => return None,
                 _ => self.next_argument(&mut arguments),
             }

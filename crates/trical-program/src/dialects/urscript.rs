@@ -145,9 +145,9 @@ struct Reader<'a> {
     unsteady: &'a HashSet<u64>,
     now: Setup,
     flow: Flow,
-    /// Poses by name, for `set_tcp(name)` and `pose_trans(name, ...)`: the latest; `None` where nobody knows which that
-    /// is.
-    values: HashMap<u64, Option<Pose>>,
+    /// The numbers of poses by name, for `set_tcp(name)` and `pose_trans(name, ...)`: the latest; `None` where nobody
+    /// knows which these are.
+    values: HashMap<u64, Option<[f64; 6]>>,
     /// Joint values by name, for `qnear=name`; the latest.
     joints: HashMap<u64, Joints>,
     /// Frames of the script in which places are given, by the name of the place; the latest.
@@ -357,6 +357,7 @@ impl<'a> Reader<'a> {
         let hash = self.key(word);
         let is_target = self.moved_to.contains(&hash);
         self.c.skip_blank();
+        let element = self.c;
         let is_element = self.c.peek() == b'[';
         if is_element {
             self.c.at += self.c.until(b"]\n").len();
@@ -373,7 +374,7 @@ impl<'a> Reader<'a> {
             } else if is_target {
                 self.names.set_from(hash, computed);
             }
-            return;
+            return self.element(element, hash);
         }
         let literal = self.literal();
         if !matches!(literal, Literal::None) {
@@ -391,6 +392,21 @@ impl<'a> Reader<'a> {
         }
     }
 
+    /// One of the numbers of a pose, or of joints, becomes what stands at the cursor; `index` is at its bracket.
+    fn element(&mut self, mut index: Cursor<'_>, hash: u64) {
+        index.at += 1;
+        let k = index.number().filter(|_| index.peek() == b']').and_then(|s| s.value(index.bytes));
+        let value = self.constants.expression(&mut self.c).map(|(_, value)| value);
+        self.c.skip_blank();
+        let is_known = matches!(self.c.peek(), b'\n' | b'\r' | b'#' | 0) && !self.unsteady.contains(&hash);
+        let new = k.zip(value).filter(|_| is_known);
+        if let Some(numbers) = self.values.get_mut(&hash) {
+            *numbers = numbers.and_then(|known| with_element(known, new));
+        }
+        let joints = self.joints.remove(&hash).and_then(|known| with_element(known, new));
+        self.joints.extend(joints.map(|q| (hash, q)));
+    }
+
     fn assigned(&mut self, name: Span, shape: Shape, spans: &[Span; 6]) {
         let hash = self.key(name.text(self.c.bytes));
         if let Some(q) = self.joint_values(shape, spans) {
@@ -403,15 +419,24 @@ impl<'a> Reader<'a> {
             self.scan.push(shape, spans, Configuration::Free, name);
             self.names.define(hash, first, first + 1);
         } else if shape == Shape::RotationVector {
-            let pose = self.pose(spans).filter(|_| !self.unsteady.contains(&hash));
-            self.values.insert(hash, pose);
+            let numbers = self.numbers(spans).filter(|_| !self.unsteady.contains(&hash));
+            self.values.insert(hash, numbers);
         }
     }
 
-    fn pose(&self, spans: &[Span; 6]) -> Option<Pose> {
+    fn numbers(&self, spans: &[Span; 6]) -> Option<[f64; 6]> {
         let v = spans.map(|s| self.scan.value(s, self.c.bytes).unwrap_or(f64::NAN));
-        match Shape::RotationVector.meant(&v, &[]) {
-            Ok(Meant::Pose(pose)) if v.iter().all(|x| x.is_finite()) => Some(pose),
+        v.iter().all(|x| x.is_finite()).then_some(v)
+    }
+
+    /// The pose that a name stands for, or that is written out.
+    fn pose(&self, literal: &Literal, name: &[u8]) -> Option<Pose> {
+        let numbers = match literal {
+            Literal::Numbers(Shape::RotationVector, spans) => self.numbers(spans),
+            _ => self.values.get(&self.key(name)).copied().flatten(),
+        };
+        match Shape::RotationVector.meant(&numbers?, &[]) {
+            Ok(Meant::Pose(pose)) => Some(pose),
             _ => None,
         }
     }
@@ -426,14 +451,8 @@ impl<'a> Reader<'a> {
 
     fn set_tcp(&mut self, at: usize) {
         self.c.skip_space();
-        let pose = match self.literal() {
-            Literal::Numbers(Shape::RotationVector, spans) => self.pose(&spans),
-            _ => {
-                let name = self.c.word();
-                self.values.get(&self.key(name)).copied().flatten()
-            }
-        };
-        let frame = pose.ok_or("its set_tcp is computed by the program".to_owned());
+        let (literal, name) = (self.literal(), self.c.word());
+        let frame = self.pose(&literal, name).ok_or("its set_tcp is computed by the program".to_owned());
         let key = match &frame {
             Ok(p) => {
                 let t = p.translation * 1e3;
@@ -549,6 +568,13 @@ impl<'a> Reader<'a> {
         }
         unread.map_or(Literal::Numbers(shape, spans), Literal::Unread)
     }
+}
+
+/// Numbers with this one among them, by its index.
+fn with_element<const N: usize>(mut numbers: [f64; N], element: Option<(f64, f64)>) -> Option<[f64; N]> {
+    let (k, new) = element?;
+    *numbers.get_mut(k as usize)? = new;
+    Some(numbers)
 }
 
 /// Six numbers in brackets, or nearly.

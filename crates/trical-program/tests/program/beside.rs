@@ -35,6 +35,13 @@ fn names(files: &[String]) -> Vec<String> {
 }
 
 #[test]
+fn the_data_of_a_program_are_found_however_their_file_is_written() {
+    let data = "DEFDAT P\nDECL E6AXIS XP1={A1 5,A2 -80,A3 95.5,A4 3,A5 40,A6 -7}\nENDDAT\n";
+    let report = checked("case", KR6, &[("p.src", "DEF P( )\nPTP XP1\nEND\n"), ("P.DAT", data)]);
+    assert_eq!((report.rewritten, names(&report.read_with)), (1, vec!["P.DAT".to_owned()]), "{report:?}");
+}
+
+#[test]
 fn modules_of_the_same_task_say_what_their_routines_do_and_have_its_tools() {
     let main = "MODULE Main\nPERS robtarget p:=TARGET;\nPERS robtarget q:=TARGET;\nPROC main()\nMoveL p,v1,fine,tGrip\\WObj:=wTable;\nBlow;\nFind 3;\n\
         Shift;\nMoveL q,v1,fine,tGrip\\WObj:=wTable;\nMoveL p,v1,fine,tTwo\\WObj:=wTable;\nNobodyHas 1;\nENDPROC\nENDMODULE\n";

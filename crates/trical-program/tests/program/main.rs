@@ -10,9 +10,11 @@ mod rail;
 mod sink;
 
 use fixtures::{
-    IRB, KR6, device, flange, gripper, joints, mm, nominal, numbers, programs, quadrant, quaternion, rapid, real,
+    IRB, KR6, LR, device, flange, gripper, joints, mm, nominal, numbers, pose, programs, quadrant, quaternion, rapid,
+    real,
 };
 use proptest::prelude::*;
+use trical_model::pose::angles_zyx;
 use trical_model::{
     Axis, Basis, Forward, MAX_JOINTS, Model, Motion, Shape, Site, State, Support, Term, Tool, Variable,
 };
@@ -378,6 +380,59 @@ fn a_quadrant_that_the_correction_crosses_is_rewritten() {
 }
 
 #[test]
+fn a_first_target_without_a_configuration_gets_a_caution_whether_a_motion_names_it_or_not() {
+    let n = nominal(KR6);
+    let p = flange(&n, &[10.0, -80.0, 95.0, 20.0, 45.0, -10.0]).compose(&device());
+    let [a, b, c] = angles_zyx(&p.rotation).map(|a| format!("{:.7}", a.to_degrees()));
+    let [x, y, z] = mm(&p).map(|x| format!("{x:.5}"));
+    let place = format!("{{X {x},Y {y},Z {z},A {a},B {b},C {c}}}");
+    for text in [format!("DECL E6POS P[2]\nP[1]={place}\nLIN P[I]\n"), format!("DECL E6POS XP1={place}\n")] {
+        let (_, report) = run(text.as_bytes(), Dialect::Krl, &n, &n, &Frames::default());
+        assert!(report.cautions.iter().any(|c| c.contains("in which configuration")), "{text}: {report:?}");
+    }
+}
+
+#[test]
+fn a_turn_is_read_and_written_in_its_own_form() {
+    let n = nominal(KR6);
+    // joint 4 comes to the other side of zero
+    let q = [10.0, -80.0, 95.0, 0.0, 45.0, -10.0];
+    let p = flange(&n, &q).compose(&device());
+    let [a, b, c] = angles_zyx(&p.rotation).map(|a| format!("{:.9}", a.to_degrees()));
+    let [x, y, z] = mm(&p).map(|x| format!("{x:.7}"));
+    for (old, new) in [("42", "34"), ("'B101010'", "'B100010'"), ("'b0101010'", "'b0100010'"), ("'H2a'", "'H22'")] {
+        let text = format!("PTP {{X {x},Y {y},Z {z},A {a},B {b},C {c},S 2,T {old}}}\n");
+        let (out, report) = run(text.as_bytes(), Dialect::Krl, &n, &real(&n), &Frames::default());
+        assert!(report.rows[0].joints[3] > 0.0, "{:?}", report.rows[0].joints);
+        let out = String::from_utf8(out).unwrap();
+        assert!(out.contains(&format!("T {new}}}")), "{out}");
+    }
+}
+
+#[test]
+fn turns_of_a_fanuc_are_read_and_rewritten_where_a_joint_crosses_them() {
+    let n = nominal(LR);
+    let mut crossed = 0;
+    for (q6, turn) in [(190.0, 1), (-170.0, 0), (179.99999, 0), (-179.99999, 0)] {
+        let q = [10.0, 12.0, -8.0, 20.0, -50.0, q6];
+        let p = pose(0.0, 0.0, 330.0, 0.0, 0.0, 0.0).inverse().compose(&flange(&n, &q));
+        let [a, b, c] = angles_zyx(&p.rotation).map(|a| format!("{:.9}", a.to_degrees()));
+        let [x, y, z] = mm(&p).map(|x| format!("{x:.7}"));
+        let text = format!(
+            "/PROG A\n/MN\n   1:L P[1] 100mm/sec FINE ;\n/POS\nP[1]{{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, {turn}',\n\tX = {x} mm, Y = {y} mm, Z = {z} mm, W = {c} deg, P = {b} deg, R = {a} deg\n}};\n/END\n"
+        );
+        let (out, report) = run(text.as_bytes(), Dialect::Fanuc, &n, &real(&n), &Frames::default());
+        let reached = report.rows[0].joints[5].to_degrees();
+        assert!((reached - q6).abs() < 1.0, "{q6}: {reached}");
+        let now = ((reached + 180.0) / 360.0).floor() as i32;
+        crossed += i32::from(now != turn);
+        let out = String::from_utf8(out).unwrap();
+        assert!(out.contains(&format!("'N U T, 0, 0, {now}'")), "{q6}: {reached}\n{out}");
+    }
+    assert_eq!(crossed, 1);
+}
+
+#[test]
 fn targets_that_no_motion_names_need_a_tool_where_there_are_several() {
     let tools = "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget a:=TARGET;\nCONST robtarget b:=TARGET;\nCONST robtarget c:=TARGET;\nMoveL a,v1,fine,t;\n";
     assert!(problems(tools).is_empty());
@@ -572,4 +627,10 @@ fn a_table_in_other_units_and_with_angles_is_the_same_table() {
     );
     let twice = refused(b"x_mm,y_mm,z_mm,qw,qx,qy,qz,roll_deg,pitch_deg,yaw_deg\n", Dialect::Csv);
     assert!(twice.contains("twice"), "{twice}");
+    for (header, words) in
+        [("x_mm,y_mm,z_mm,qw,qx,qy,qz,x_m,y_m,z_m\n", "x_mm and x_m"), ("q1_deg,q2_deg,q1_deg\n", "q1_deg and q1_deg")]
+    {
+        let same = refused(header.as_bytes(), Dialect::Csv);
+        assert!(same.contains(words), "{same}");
+    }
 }

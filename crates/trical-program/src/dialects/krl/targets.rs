@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeSet, HashMap, HashSet};
 
-use super::{CURRENT, ELEMENTS, MOTIONS, is_system};
+use super::{CURRENT, ELEMENTS, MOTIONS, TYPES, is_system};
 use crate::scan::hashed;
 use crate::scopes::Scopes;
 use crate::text::{Cursor, is_one_of};
@@ -78,13 +78,9 @@ pub(super) fn targets(bytes: &[u8], scopes: &Scopes) -> Named {
         let last = all.pop();
         let before = all.iter().take_while(|name| is_frame(name)).count();
         frames.extend(all.iter().take(before).filter(|name| **name != literal));
-        match all.get(before) {
-            Some(place) => places.push(*place),
-            None => {
-                places.extend(last);
-                no_targets.extend(last);
-            }
-        }
+        places.push(all.get(before).copied().or(last).unwrap_or(literal));
+        // the others say how far from the place
+        no_targets.extend(all.iter().skip(before + 1).chain(&last));
     }
     moved_to.extend(places);
     // what is given to a target is one itself
@@ -93,7 +89,52 @@ pub(super) fn targets(bytes: &[u8], scopes: &Scopes) -> Named {
         next.extend(given.remove(&parameter).into_iter().flatten().filter(|name| moved_to.insert(*name)));
     }
     no_targets.extend(&frames);
+    no_targets.extend(read_in_part(bytes, scopes));
     Named { moved_to, frames, no_targets }
+}
+
+/// Names of which the program reads coordinates (`UP.Z`), and nowhere all: limits, distances. Not those to which other programs may
+/// go (`GLOBAL`).
+fn read_in_part(bytes: &[u8], scopes: &Scopes) -> HashSet<u64> {
+    let mut found = HashSet::new();
+    let mut c = Cursor::new(bytes, b';');
+    while let Some((from, word)) = c.next_word() {
+        skip_index(&mut c);
+        if c.peek() == b'.' {
+            c.at += 1;
+            c.word();
+            c.skip_blank();
+            found.extend((!c.assigns()).then(|| scopes.key(hashed(word), from)));
+        }
+    }
+    if found.is_empty() {
+        return found;
+    }
+    c.at = 0;
+    let mut is_global = false;
+    while let Some((from, word)) = c.next_word() {
+        if is_one_of(word, &TYPES) {
+            for name in declarations(&mut c).into_iter().filter(|_| is_global) {
+                found.remove(&scopes.key(name, from));
+            }
+        }
+        is_global = word.eq_ignore_ascii_case(b"GLOBAL");
+        let mut behind = c;
+        skip_index(&mut behind);
+        if behind.peek() != b'.' && !behind.assigns() {
+            found.remove(&scopes.key(hashed(word), from));
+        }
+    }
+    found
+}
+
+/// Past blanks, and past `[...]`.
+fn skip_index(c: &mut Cursor<'_>) {
+    c.skip_blank();
+    if c.peek() == b'[' {
+        c.skip_past(b']', b"\n\r");
+        c.skip_blank();
+    }
 }
 
 /// From within an argument to the next one of the same call and line.
@@ -125,10 +166,7 @@ fn operands<'a>(c: &mut Cursor<'a>) -> Vec<&'a [u8]> {
         } else {
             found.push(c.word());
         }
-        c.skip_blank();
-        if c.peek() == b'[' {
-            c.skip_past(b']', b"\n\r");
-        }
+        skip_index(c);
         if !c.eat_in_line(b':') {
             return found;
         }

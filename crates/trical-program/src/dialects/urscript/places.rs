@@ -7,7 +7,6 @@ use super::targets::{next_argument, skip_name};
 use super::{DEEPEST, FORWARD, HERE, KINEMATICS, Literal, Reader};
 use crate::branch::Configuration;
 use crate::frames::AT;
-use crate::literal::Shape;
 use crate::names::{Origin, Way};
 use crate::scan::{Setup, Visit};
 use crate::text::{Span, lower};
@@ -240,10 +239,7 @@ impl Reader<'_> {
         self.c.skip_space();
         let start = self.c;
         let (literal, base) = (self.literal(), self.c.word());
-        let frame = match literal {
-            Literal::Numbers(Shape::RotationVector, spans) => self.pose(&spans),
-            _ => self.values.get(&self.key(base)).copied().flatten(),
-        };
+        let frame = self.pose(&literal, base);
         let is_target = self.moved_to.contains(&self.key(base));
         if let (false, Some(pose)) = (is_target, frame)
             && self.c.eat(b',')
@@ -276,7 +272,7 @@ impl Reader<'_> {
         let (start, inside) = (self.c.at, self.c);
         match self.origin(0) {
             Some(None) => self.names.visit(Visit::Unknown),
-            Some(Some(name)) => match (self.own_frame(name), frame) {
+            Some(Some(name)) if !self.is_known_frame(name) => match (self.own_frame(name), frame) {
                 (Some(_), Some(_)) => {
                     self.names.visit(Visit::Unknown);
                     self.scan.goes_to_calculated(at);
@@ -288,10 +284,15 @@ impl Reader<'_> {
                     self.names.used(name, setup, Way::Computed, start);
                 }
             },
-            None => {
+            _ => {
                 self.names.visit(Visit::Unknown);
                 self.scan.goes_to_calculated(at);
             }
         }
+    }
+
+    /// Whether a name stands for a frame of the script, and for no target.
+    fn is_known_frame(&self, name: u64) -> bool {
+        self.values.get(&name).is_some_and(Option::is_some) && !self.moved_to.contains(&name)
     }
 }

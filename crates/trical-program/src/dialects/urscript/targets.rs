@@ -243,7 +243,12 @@ pub(super) fn unsteady(bytes: &[u8], scopes: &Scopes, in_frames: &mut HashMap<u6
             b"end" => drop(open.pop()),
             _ => {
                 c.skip_blank();
-                let assigned = c.assigns();
+                let mut behind = c;
+                if behind.peek() == b'[' {
+                    behind.skip_past(b']', b"\n");
+                    behind.skip_blank();
+                }
+                let assigned = behind.assigns();
                 let function = open.iter().rev().find_map(|f| *f).unwrap_or(0);
                 let name = scopes.key(hashed(word), c.at);
                 let (first, count, elsewhere, read) = names.entry(name).or_insert((function, 0, false, 0));

@@ -106,6 +106,18 @@ pub(super) const FANUC: &[Case] = &[
         &[(8, "UFRAME_NUM")],
     ),
     case(
+        "frames of motion groups",
+        "/PROG A\n/MN\n   1:  UFRAME_NUM[GP1]=3 ;\n   2:  UTOOL_NUM[GP1]=0 ;\n   3:  UTOOL_NUM[GP2]=5 ;\n   4:L P[1] 100mm/sec FINE ;\n   5:L P[2] 100mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : 0, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[17],
+        &[(12, "'3'")],
+    ),
+    case(
+        "motions of several groups",
+        "/PROG A\n/MN\n   1:  Independent GP\n    :  GP1 J P[1] 100% FINE INC\n    :  GP2 J P[1] 100% FINE ;\n   2:  Simultaneous GP\n    :  GP1 L PR[4] 100mm/sec FINE\n    :  GP2 J P[1] 100% FINE ;\n   3:  Independent GP\n    :  GP2 J P[1] 100% FINE\n    :  GP1 L P[2] 100mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : F,\n\tJ1= 5.0 deg, J2= 3.0 deg, J3=4.0 deg,\n\tJ4= 5.0 deg, J5=-6.0 deg, J6=7.0 deg\n};\nP[2]{\n GP1:\n\tUF : 0, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[22],
+        &[(7, "register")],
+    ),
+    case(
         "lines that go on in the next",
         "/PROG A\n/MN\n   1:L P[1] 200mm/sec FINE\n    :  Offset,PR[1] ;\n   2:L P[2] 200mm/sec FINE\n    :  INC ;\n   3:C PR[2]\n    :  PR[3] 200mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\tX = 0 mm, Y = 0 mm, Z = 50 mm,\n\tW = 0 deg, P = 0 deg, R = 0 deg\n};\n/END\n",
         &[13],

@@ -85,6 +85,18 @@ pub(super) const KRL: &[Case] = &[
         &[],
     ),
     case(
+        "distances and limits are no targets",
+        "DECL POS UP={X 0,Y 0,Z 50,A 0,B 0,C 0}\nDECL POS FAR={X 0,Y 0,Z 90,A 0,B 0,C 0}\nDECL AXIS MOST={A1 20,A2 -60,A3 100,A4 30,A5 60,A6 20}\nDECL E6POS XP1={@0}\nDECL POS OFF[2]\nOFF[1]={X 0,Y 0,Z 5,A 0,B 0,C 0}\nLIN XP1:UP\nXP1.Z=XP1.Z+FAR.Z\nIF $AXIS_ACT.A1 > MOST.A1 THEN\nLIN XP1:OFF[1]:UP\nENDIF\nDECL GLOBAL AXIS PARK={A1 20,A2 -60,A3 100,A4 30,A5 60,A6 20}\nX=PARK.A1\n",
+        &[4, 12],
+        &[],
+    ),
+    case(
+        "a turn and an external axis that nobody can read",
+        "LIN {@0}\nPTP {@0,S 2,T MYT}\nPTP {@0,E1 TRACK}\nDECL E6POS XP1={@0,S MYS,T 2}\nPTP XP1\n",
+        &[1],
+        &[(2, "'MYT'"), (3, "'TRACK'"), (4, "'MYS'")],
+    ),
+    case(
         "external axes",
         "DECL E6POS XP1={@0,E1 1200.0,E2 0.0}\nDECL E6AXIS XP2={A1 5,A2 -80,A3 95.5,A4 3,A5 40,A6 -7,E1 -300}\nDECL E6POS XP3={@0,E1 0.0,E2 0.0}\nPTP XP1\nPTP XP2\nPTP XP3\n",
         &[3],
@@ -112,6 +124,12 @@ pub(super) const KRL: &[Case] = &[
     case("a spline", "SPLINE\nSPL {@0}\nSPL XP9\nENDSPLINE\n", &[2], &[(3, "'XP9'")]),
     case("a function", "LIN GETPOS(3)\nLIN {@0}\n", &[2], &[(1, "calculates")]),
     case("an array", "DECL E6POS P[2]\nP[1]={@0}\nP[2]={@1}\nFOR I=1 TO 2\nLIN P[I]\nENDFOR\n", &[2, 3], &[]),
+    case(
+        "elements of an array with their tools",
+        "DECL E6POS P[3]\nDECL INT I\n$BASE=$NULLFRAME\nP[1]={@0}\nP[2]={@1}\nP[3]={@2}\nBAS(#TOOL,0)\nLIN P[2]\nLIN P[3]\nP[2]={@3}\nBAS(#TOOL,7)\nLIN P[1]\nLIN P[2]\nLIN P[I]\nLIN P[4]\nBAS(#TOOL,0)\nDECL E6POS Q[2]\nQ[1]={@4}\nLIN Q[1]:{X 0,Y 0,Z -50,A 0,B 0,C 0}\n",
+        &[5, 18],
+        &[(4, "tool '7'"), (6, "one of them only"), (10, "tool '7'"), (15, "'P'")],
+    ),
     case(
         "home at a singularity",
         "DECL AXIS HOME={A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}\nPTP HOME\nLIN {@0}\n",
@@ -171,6 +189,18 @@ pub(super) const KRL: &[Case] = &[
         "TOOL_DATA[1]={X 18.0,Y -12.0,Z 118.0,A 0.0,B 0.0,C 0.0}\nDEF MAIN( )\nBAS(#TOOL,0)\nTWICE( )\nONCE( )\nBAS(#TOOL,7)\nTWICE( )\nEND\nDEF TWICE( )\nLIN {@0}\nEND\nDEF ONCE( )\nLIN {@1}\nINNER( )\nEND\nDEF INNER( )\nLIN {@2}\nIF A THEN\nRETURN\nENDIF\nEND\nDEFFCT INT NEVER(I:IN)\nLIN {@3}\nENDFCT\n",
         &[13, 17, 23],
         &[(10, "called")],
+    ),
+    case(
+        "routines of interrupts",
+        "TOOL_DATA[1]={X 18.0,Y -12.0,Z 118.0,A 0.0,B 0.0,C 0.0}\nDEF MAIN( )\nINTERRUPT DECL 5 WHEN $IN[1]==TRUE DO FOUND( )\nBAS(#BASE,0)\nBAS(#TOOL,0)\nLIN {@0}\nBAS(#TOOL,1)\nINTERRUPT ON 5\nGO( )\nEND\nDEF FOUND( )\nBRAKE\nLIN {@1}\nEND\nDEF GO( )\nLIN {@2}\nEND\n",
+        &[6, 16],
+        &[(13, "interrupt")],
+    ),
+    case(
+        "the routine of an interrupt, with one tool all along",
+        "TOOL_DATA[1]={X 18.0,Y -12.0,Z 118.0,A 0.0,B 0.0,C 0.0}\nDEF MAIN( )\nINTERRUPT DECL 5 WHEN $IN[1]==TRUE DO FOUND( )\nBAS(#BASE,0)\nBAS(#TOOL,1)\nLIN {@0}\nGO( )\nEND\nDEF FOUND( )\nBRAKE\nLIN {@1}\nBAS(#TOOL,0)\nLIN {@2}\nEND\nDEF GO( )\nLIN {@3}\nEND\n",
+        &[6, 11, 13, 16],
+        &[],
     ),
     case(
         "tools of one motion and of a spline",

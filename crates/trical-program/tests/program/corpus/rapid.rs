@@ -4,6 +4,12 @@ use super::{Case, case};
 
 pub(super) const RAPID: &[Case] = &[
     case(
+        "targets without names",
+        "PROC main()\nMoveL *,v100,fine,tool0;\nMoveC *,@0,v100,fine,tool0;\nENDPROC\n",
+        &[3],
+        &[(2, "without a name"), (3, "without a name")],
+    ),
+    case(
         "a tool and a work object of a record, a routine whose name the program puts together",
         "MODULE M\nCONST robtarget p1:=@0;\nCONST robtarget p2:=@1;\nCONST robtarget p3:=@2;\nPROC main()\nMoveL p1,cell.speed,fine,cell.tool0;\nMoveL p2,v100,fine,tool0\\WObj:=cell.wobj0;\n%\"Go\"+NumToStr(1,0)%p3;\nMoveL @3,cell.speed,cell.zone,tool0;\nENDPROC\nENDMODULE\n",
         &[9],

@@ -43,6 +43,12 @@ pub(super) const SAME: &[(Dialect, &str, &str, &str)] = &[
     ),
     (
         UrScript,
+        "coordinates of a tool, a plane and joints that are set",
+        "h=0.1\ntip=p[0.018,-0.012,0,0,0,0]\ntip[2]=h + 0.018 # m\nset_tcp(tip)\nqn=[0.1,-1.5,1.2,-1.0,0.5,0]\nqn[5]=.3\nmovej(get_inverse_kin(p[@0],qnear=qn))\nplane=p[0,0,0,0,0,0]\nplane[0]=0.01\nplane [5] = 0.2\nmovel(pose_trans(plane,p[@1]))\n",
+        "set_tcp(p[0.018,-0.012,0.118,0,0,0])\nmovej(get_inverse_kin(p[@0],qnear=[0.1,-1.5,1.2,-1.0,0.5,.3]))\nmovel(pose_trans(p[0.01,0,0,0,0,0.2],p[@1]))\n",
+    ),
+    (
+        UrScript,
         "joints of a place",
         "qn=[0.1,-1.5,1.2,-1.0,0.5,.3]\nq=get_inverse_kin(p[@0], qnear=qn)\nr=get_inverse_kin(p[@1],[1.5,-2.5,2.0,-1.0,-0.5,.3])\nmovej([0.1,-1.4,1.2,-1.0,0.5,.3])\nmovej(r)\nmovej(q)\n",
         "qn=[0.1,-1.5,1.2,-1.0,0.5,.3]\nq=p[@0]\nr=p[@1]\nmovej([0.1,-1.4,1.2,-1.0,0.5,.3])\nmovej(get_inverse_kin(r,[1.5,-2.5,2.0,-1.0,-0.5,.3]))\nmovej(get_inverse_kin(q,qnear=qn))\n",

@@ -102,6 +102,18 @@ pub(super) const URSCRIPT: &[Case] = &[
     ),
     case("a coordinate that is set", "wp=p[@0]\nwp[2]=sensor\nmovel(wp)\n", &[1], &[(2, "calculated")]),
     case(
+        "coordinates of a tool and a plane that are set",
+        "tip=p[0,0,0,0,0,0]\ntip[2]=far()\nset_tcp(tip)\nmovel(p[@0])\nset_tcp(p[0,0,0,0,0,0])\nplane=p[0,0,0,0,0,0]\nif b:\nplane[0]=0.1\nend\nmovel(pose_trans(plane,p[@1]))\nmovel(p[@2])\n",
+        &[11],
+        &[(4, "set_tcp"), (10, "'plane'")],
+    ),
+    case(
+        "relative to a place in a plane",
+        "plane=p[0,0,0,0,0,0]\nmovel(pose_trans(pose_trans(plane,p[@0]),p[0,0,-0.05,0,0,0]))\nmovel(p[@1])\n",
+        &[3],
+        &[(2, "calculates")],
+    ),
+    case(
         "under force",
         "movel(p[@0])\nforce_mode(p[0,0,0,0,0,0],[0,0,1,0,0,0],[0,0,-10,0,0,0],2,[0.1,0.1,0.05,0.3,0.3,0.3])\nmovel(p[@1])\nend_force_mode()\nmovel(p[@2])\n",
         &[1, 3, 5],

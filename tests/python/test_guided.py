@@ -15,10 +15,16 @@ from conftest import program
 
 ROOT = Path(__file__).resolve().parents[2]
 # where the arm of this cell is near balls 1, 2 and 3, and touches them
-NEAR = ["20.338680,18.276747,31.824045,37.617683,28.659135,-100.786008", "-10.511914,34.371097,12.378490,148.154722,-49.097734,-178.053280"]
-NEAR += ["0.321480,64.260808,-45.733316,8.997356,57.826563,-91.879952"]
-AT = ["20.703695,18.270961,38.474151,38.073793,22.320387,-99.727757", "-8.891380,30.596185,24.757664,141.188717,-43.227420,-169.071397"]
-AT += ["-1.082384,59.115606,-27.483299,12.884404,43.067243,-99.491662"]
+NEAR = [
+    "20.338680,18.276747,31.824045,37.617683,28.659135,-100.786008",
+    "-10.511914,34.371097,12.378490,148.154722,-49.097734,-178.053280",
+    "0.321480,64.260808,-45.733316,8.997356,57.826563,-91.879952",
+]
+AT = [
+    "20.703695,18.270961,38.474151,38.073793,22.320387,-99.727757",
+    "-8.891380,30.596185,24.757664,141.188717,-43.227420,-169.071397",
+    "-1.082384,59.115606,-27.483299,12.884404,43.067243,-99.491662",
+]
 BALL = [[near, at, "", near] for near, at in zip(NEAR, AT, strict=True)]
 # no mastering, the tool point of the file; a ball each is touched when the arm is back from the one before
 TO_PLAN = ["s", "s", *BALL[0][:3], BALL[0][3], *BALL[1], *BALL[2][:3]]
@@ -29,9 +35,10 @@ class Session:
         self.folder, self.links = folder, links
 
     def start(self, *more: str, cell: str = "cell.toml") -> subprocess.Popen[str]:
-        args = ["measure", "--guided", "--go", "--robot", "robot.toml", "--cell", cell, *self.links, "--out", "led.mcap", *more]
+        files = ["--robot", "robot.toml", "--cell", cell, "--out", "led.mcap"]
+        args = [str(program()), "measure", "--guided", "--go", *files, *self.links, *more]
         pipe = subprocess.PIPE
-        return subprocess.Popen([program(), *args], cwd=self.folder, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
+        return subprocess.Popen(args, cwd=self.folder, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
 
     def run(self, lines: list[str], *more: str, cell: str = "cell.toml") -> tuple[str, str]:
         """What is said on standard output and standard error of a session that ends with q."""
@@ -42,7 +49,8 @@ class Session:
         return dict(json.loads((self.folder / "led.guided.json").read_text()))
 
     def times(self) -> list[float]:
-        subprocess.run([program(), "convert", "led.setup.mcap", "led.csv"], cwd=self.folder, check=True, capture_output=True)
+        convert = [str(program()), "convert", "led.setup.mcap", "led.csv"]
+        subprocess.run(convert, cwd=self.folder, check=True, capture_output=True)
         head, *rows = (self.folder / "led.csv").read_text().splitlines()
         at = head.split(",").index("t_s")
         return [float(row.split(",")[at]) for row in rows]
@@ -52,7 +60,7 @@ class Session:
 def session(tmp_path: Path) -> Iterator[Session]:
     for name in ("robot.toml", "cell.toml"):
         shutil.copy(ROOT / "cells" / "irb120" / name, tmp_path)
-    virtual = [program(), "virtual-cell", "--robot", "robot.toml", "--cell", "cell.toml", "--port", "0"]
+    virtual = [str(program()), "virtual-cell", "--robot", "robot.toml", "--cell", "cell.toml", "--port", "0"]
     with subprocess.Popen(virtual, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as cell:
         try:
             assert cell.stdout is not None
@@ -104,3 +112,37 @@ def test_touches_of_another_mastering_do_not_count_and_their_times_include_the_p
     assert session.kept()["touches_after_s"] != 0
     before, after = session.times()
     assert after - before > begins - ended
+
+
+def test_a_byte_that_is_no_text_is_not_understood_and_a_controller_that_was_away_is_opened_anew(tmp_path: Path) -> None:
+    for name in ("robot.toml", "cell.toml"):
+        shutil.copy(ROOT / "cells" / "irb120" / name, tmp_path)
+    (tmp_path / "faults.toml").write_text('[[fault]]\nwhat = "drop_connection"\nafter_commands = 12\nlasts = 1\n')
+    files = ["--robot", "robot.toml", "--cell", "cell.toml"]
+    virtual = [str(program()), "virtual-cell", *files, "--port", "0", "--faults", "faults.toml"]
+    with subprocess.Popen(virtual, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as cell:
+        try:
+            assert cell.stdout is not None
+            _, gauge, _, controller, _ = cell.stdout.readline().split("'")
+            record = [
+                str(program()),
+                "record",
+                *files,
+                "--controller",
+                controller,
+                "--place",
+                "A",
+                "--out",
+                "visits.csv",
+            ]
+            typed = b"1\np B\xfcro\n" + 7 * b"2\n"
+            said = subprocess.run(record, cwd=tmp_path, input=typed, capture_output=True, timeout=60)
+            told = said.stderr.decode()
+            assert "which is not UTF-8" in told and said.returncode == 0, told
+            assert told.count("no row: ") == 1 and b"7 rows added" in said.stdout, told
+            links = ["--gauge", gauge, "--controller", controller, "--out", "led.mcap"]
+            guided = [str(program()), "measure", "--guided", "--go", *files, *links]
+            led = subprocess.run(guided, cwd=tmp_path, input=b"\xe9\nq\n", capture_output=True, timeout=60)
+            assert b"is not understood" in led.stdout, led
+        finally:
+            cell.terminate()

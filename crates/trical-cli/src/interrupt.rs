@@ -2,8 +2,8 @@
 //! program at once.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::time::Duration;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
@@ -14,8 +14,12 @@ use crate::error::{CliError, Result};
 /// Exit code after a second Ctrl-C, as shells have it.
 const INTERRUPTED: i32 = 130;
 
-/// After a second Ctrl-C the program ends when a motion under way has been told to stop.
-const STOP_FIRST: Duration = Duration::from_millis(200);
+/// After a second Ctrl-C the program ends when a motion under way has been told to stop, or at the latest after this: a service may
+/// take its time-out for an answer, and be asked again.
+const STOP_FIRST: Duration = Duration::from_secs(20);
+
+/// So long it then has to say what it has done.
+const SAY: Duration = Duration::from_millis(200);
 
 /// What Ctrl-C does while the arm may move.
 #[derive(Clone, Default)]
@@ -28,15 +32,19 @@ pub struct Interrupt {
 
 /// Watches for Ctrl-C, a request to terminate, and the end of the terminal.
 pub fn watch() -> Result<Interrupt> {
-    let interrupt = Interrupt { asked: Arc::default(), stops: Arc::new(AtomicUsize::new(0)) };
+    let interrupt = Interrupt { asked: Arc::default(), stops: Arc::default() };
     let failed = |e: std::io::Error| CliError::Failed(format!("Ctrl-C cannot be watched: {e}"));
     let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP]).map_err(failed)?;
     let told = interrupt.clone();
     let listen = move || {
         for _ in signals.forever() {
             told.asked.store(true, Ordering::Relaxed);
-            if told.stops.fetch_add(1, Ordering::Relaxed) > 0 {
-                std::thread::sleep(STOP_FIRST);
+            if told.stops.ask() > 0 {
+                let begin = Instant::now();
+                while told.stops.is_moving() && begin.elapsed() < STOP_FIRST {
+                    std::thread::sleep(Duration::from_millis(10));
+                }
+                std::thread::sleep(SAY);
                 std::process::exit(INTERRUPTED);
             }
         }

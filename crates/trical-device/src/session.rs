@@ -202,25 +202,35 @@ impl Session<'_> {
             watch(Progress::Warning(lost.clone()));
         }
         options.skip = before.done();
+        // an indicator that was set to zero since, or has slipped, is seen by its free stem
+        let [low, high] = self.settings.stroke;
+        let is_free = |reading: &[f64; 3]| reading.iter().all(|v| !(low..=high).contains(v));
+        options.free = before.indicators.iter().map(|sample| sample.reading).find(is_free);
         for row in &before.recording.rows {
             if let (Some(seq), Some(stride)) = (row.seq, self.stride) {
                 options.known.entry(seq % stride).or_insert(row.state.q);
             }
         }
-        // warm-up and creep go on while nobody measures
-        let since = (self.start_ns as f64 - before.start_ns as f64) * 1e-9;
-        options.begin_t = log.last_t();
-        if before.start_ns != 0 && (0.0..LONGEST_BREAK_S).contains(&since) {
-            options.begin_t = log.last_t().max(since);
-        } else if before.start_ns != 0 {
-            watch(Progress::Warning(format!(
-                "by this computer's clock the recording began {:.0} days {}: the clock was or is wrong, and the times of the \
-                 recording go on where it ended",
-                since.abs() / 86_400.0,
-                if since < 0.0 { "in the future" } else { "ago" }
-            )));
-        }
+        options.begin_t = self.goes_on_at(&log, watch);
         Ok(log)
+    }
+
+    /// Time at which a recording goes on, s: warm-up and creep go on while nobody measures.
+    fn goes_on_at(&self, log: &RecordingWriter, watch: &mut dyn FnMut(Progress)) -> f64 {
+        if log.start_ns() == 0 {
+            return log.last_t();
+        }
+        let since = (self.start_ns as f64 - log.start_ns() as f64) * 1e-9;
+        if (0.0..LONGEST_BREAK_S).contains(&since) {
+            return log.last_t().max(since);
+        }
+        watch(Progress::Warning(format!(
+            "by this computer's clock the recording began {:.0} days {}: the clock was or is wrong, and the times of the \
+             recording go on where it ended",
+            since.abs() / 86_400.0,
+            if since < 0.0 { "in the future" } else { "ago" }
+        )));
+        log.last_t()
     }
 
     /// The steps of a run, without any device.

@@ -3,12 +3,15 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::common::{BALLS, Bench, Gantry, bench, nominal, options, plan};
+use trical_device::controller::JointSettle;
 use trical_device::procedure::{Retreat, Violation, stride, visits};
 use trical_device::virtual_cell::Unsettled;
 use trical_device::{
-    CellOptions, Fault, PlanEntry, ProcedureError, ProcedureOptions, Progress, open_controller, open_gauge, run,
+    CellOptions, Controller, ControllerError, Fault, PlanEntry, ProcedureError, ProcedureOptions, Progress,
+    open_controller, open_gauge, run,
 };
 use trical_model::recording::{Joints, Measured, Row};
+use trical_recording::motion::JointSample;
 
 /// How far a touch by a gantry with this backlash along x is from its ball, m.
 fn off(row: &Row, backlash: f64) -> [f64; 3] {
@@ -379,4 +382,89 @@ fn corrections_are_asked_of_the_guard_before_they_are_made() {
     };
     assert!(refuses(false).contains("the housing would meet the post) and was not driven"), "{}", refuses(false));
     assert!(refuses(true).contains("turns joint 5 by 57.296 deg"), "{}", refuses(true));
+}
+
+#[test]
+fn a_temperature_that_no_cell_has_is_not_recorded() {
+    let mut bench = Bench::new(Gantry { hotter: 5000.0, ..Gantry::default() }, CellOptions::default());
+    let report = bench.run(&plan(2), &ProcedureOptions { temp_c: Some(21.0), ..options() }).unwrap();
+    assert!(bench.rows.iter().all(|row| row.state.temp_c == Some(21.0)));
+    assert_eq!(report.warnings.len(), 1, "{:?}", report.warnings);
+    assert!(report.warnings[0].contains("degC, which is not recorded"), "{:?}", report.warnings);
+}
+
+#[test]
+fn a_zero_that_has_moved_since_an_earlier_run_is_seen_at_the_first_touch() {
+    let mut bench = bench();
+    let before = |free| ProcedureOptions { free: Some([free; 3]), ..options() };
+    let error = bench.run(&plan(1), &before(5.7e-3)).unwrap_err();
+    assert!(matches!(error.violation(), Some(Violation::ZeroMoved { axis: 'x', .. })), "{error}");
+    assert!(bench.rows.is_empty());
+    bench.run(&plan(1), &before(6e-3)).unwrap();
+}
+
+/// An arm whose joints are never read twice the same, and that sends them while it stands, too.
+struct Noisy(Box<dyn Controller>, u32);
+
+impl Noisy {
+    fn shaken(&mut self, mut q: Joints) -> Joints {
+        for (k, q) in q.iter_mut().take(6).enumerate() {
+            self.1 = self.1.wrapping_mul(1_664_525).wrapping_add(1_013_904_223 + k as u32);
+            *q += 1e-5 * (f64::from(self.1 >> 8) / f64::from(1 << 24) - 0.5);
+        }
+        q
+    }
+}
+
+impl Controller for Noisy {
+    fn name(&self) -> String {
+        self.0.name()
+    }
+    fn joint_count(&self) -> usize {
+        self.0.joint_count()
+    }
+    fn ping(&mut self) -> Result<(), ControllerError> {
+        self.0.ping()
+    }
+    fn joints(&mut self) -> Result<Joints, ControllerError> {
+        let q = self.0.joints()?;
+        Ok(self.shaken(q))
+    }
+    fn move_joints(&mut self, target: &Joints) -> Result<(), ControllerError> {
+        self.0.move_joints(target)
+    }
+    fn correct(&mut self, displacement: [f64; 3]) -> Result<(), ControllerError> {
+        self.0.correct(displacement)
+    }
+    fn set_speed(&mut self, linear: f64, angular: f64) -> Result<(), ControllerError> {
+        self.0.set_speed(linear, angular)
+    }
+    fn set_tool(&mut self, tcp_in_flange: [f64; 3]) -> Result<(), ControllerError> {
+        self.0.set_tool(tcp_in_flange)
+    }
+    fn clock(&mut self) -> Result<f64, ControllerError> {
+        self.0.clock()
+    }
+    fn joint_settle(&self) -> JointSettle {
+        JointSettle { interval: std::time::Duration::ZERO, ..self.0.joint_settle() }
+    }
+    fn take_history(&mut self) -> Vec<JointSample> {
+        let history = self.0.take_history();
+        let standing = history.first().map(|first| JointSample { t: first.t - 5.0, q: first.q });
+        standing.into_iter().chain(history).map(|s| JointSample { t: s.t, q: self.shaken(s.q) }).collect()
+    }
+}
+
+#[test]
+fn the_noise_of_an_arm_that_stands_is_neither_a_motion_nor_a_jump_of_its_clock() {
+    let directions = |noisy: bool| {
+        let mut bench = bench();
+        if noisy {
+            bench.controller = Box::new(Noisy(bench.controller, 1));
+        }
+        let report = bench.run(&plan(9), &ProcedureOptions { epsilon: 30e-6, ..options() }).unwrap();
+        assert_eq!(report.warnings, Vec::<String>::new());
+        bench.rows.iter().map(|row| row.state.dir.unwrap()).collect::<Vec<_>>()
+    };
+    assert_eq!(directions(true), directions(false));
 }

@@ -8,7 +8,7 @@ use trical_device::{
     CellOptions, PlanEntry, ProcedureOptions, Progress, VirtualCell, open_controller, open_gauge, run,
 };
 use trical_model::Recording;
-use trical_model::recording::Row;
+use trical_model::recording::{Measured, Row, State};
 use trical_recording::mcap::Header;
 use trical_recording::mcap::{Attachment, RunLog, each_row, write_recording};
 use trical_recording::motion::JointSample;
@@ -64,6 +64,11 @@ fn recorded(touches: u64) -> (tempfile::TempDir, std::path::PathBuf, Vec<u64>) {
     let sizes = drive(&cell(), &mut log, &path, &plan(touches), &options(), usize::MAX);
     log.finish().unwrap();
     (folder, path, sizes)
+}
+
+fn recorded_row() -> Row {
+    let measured = Measured::Touch { ball: 0, reading: [1e-6; 3] };
+    Row { state: State { t: Some(1.0), ..State::at(&[0.1; 6]) }, measured, seq: Some(0), line: 0 }
 }
 
 fn rows(read: &ReadRecording) -> Vec<u64> {
@@ -265,6 +270,46 @@ fn a_recording_is_taken_up_with_its_own_plan_only() {
     RecordingWriter::resume(&path, &of("a")).unwrap().0.finish().unwrap();
     // and still so once it was taken up
     assert!(RecordingWriter::resume(&path, &of("b")).is_err());
+}
+
+#[test]
+fn a_recording_that_is_removed_or_replaced_while_it_is_written_is_kept_in_another_file() {
+    for replaced in [false, true] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.mcap");
+        let mut log = RecordingWriter::create(&path, &header()).unwrap();
+        let row = |seq| Row { seq: Some(seq), ..recorded_row() };
+        log.measurement(&row(0)).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        if replaced {
+            std::fs::write(&path, "another file").unwrap();
+        }
+        let error = log.measurement(&row(1)).unwrap_err();
+        let RecordError::Removed { saved: Ok(saved), .. } = &error else { panic!("{error}") };
+        assert_eq!(*saved == path, !replaced, "{error}");
+        assert_eq!(rows(&read_recording(saved).unwrap()), [0, 1]);
+        log.finish().unwrap();
+    }
+}
+
+#[test]
+fn a_recording_that_is_removed_is_told_at_its_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let mut log = RecordingWriter::create(&path, &header()).unwrap();
+    log.measurement(&recorded_row()).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    assert!(matches!(log.finish().unwrap_err(), RecordError::Removed { saved: Ok(_), .. }));
+    let read = read_recording(&path).unwrap();
+    assert_eq!((read.recording.rows.len(), read.lost), (1, None));
+}
+
+#[test]
+fn what_the_free_stems_read_at_first_is_in_the_recording() {
+    let (_folder, path, _) = recorded(2);
+    let read = read_recording(&path).unwrap();
+    let free = |reading: &[f64; 3]| reading.iter().all(|v| (v - 6e-3).abs() < 1e-9);
+    assert_eq!(read.indicators.iter().filter(|sample| free(&sample.reading)).count(), 1);
 }
 
 #[test]

@@ -131,6 +131,60 @@ fn a_motion_without_an_answer_blocks_the_next_one() {
 }
 
 #[test]
+fn a_bad_answer_in_a_motion_stops_the_arm_and_a_stop_that_is_refused_is_asked_again() {
+    let (mut client, robot) = connect();
+    client.set_speed(0.01, 0.1).unwrap();
+    robot.lock().unwrap().never_answers = true;
+    robot.lock().unwrap().bad = vec![("jointtarget", false), ("action=stop", false), ("action=stop", false)];
+    let error = client.move_joints(&[0.0; 9]).unwrap_err().to_string();
+    assert!(error.contains("status 503"), "{error}");
+    let robot = robot.lock().unwrap();
+    assert_eq!((robot.stopped, robot.bad.len()), (1, 0));
+}
+
+#[test]
+fn a_stop_that_is_never_confirmed_is_told_with_what_failed_before() {
+    let (mut client, robot) = connect();
+    client.set_speed(0.01, 0.1).unwrap();
+    robot.lock().unwrap().never_answers = true;
+    robot.lock().unwrap().bad = vec![("action=stop", false); 100_000];
+    robot.lock().unwrap().bad.push(("jointtarget", false));
+    let error = client.move_joints(&[0.0; 9]).unwrap_err();
+    assert!(matches!(error, ControllerError::StopNotConfirmed { .. }), "{error}");
+    assert!(error.to_string().contains("status 503") && error.to_string().contains("emergency stop"), "{error}");
+}
+
+#[test]
+fn a_number_that_was_sent_is_never_used_again_whether_it_arrived_or_not() {
+    let (mut client, robot) = connect();
+    client.set_speed(0.01, 0.1).unwrap();
+    for (arrives, number) in [(true, "45"), (false, "47")] {
+        let before = robot.lock().unwrap().seen.len();
+        robot.lock().unwrap().bad = vec![("nSeq?action=set", arrives)];
+        assert!(client.set_tool([0.01, 0.0, 0.0]).is_err());
+        // one that did arrive is done first
+        while client.set_tool([0.02, 0.0, 0.0]).is_err() {}
+        let robot = robot.lock().unwrap();
+        assert_eq!(
+            (robot.seen.len() - before, robot.variables["nSeq"].as_str()),
+            (if arrives { 2 } else { 1 }, number)
+        );
+    }
+}
+
+#[test]
+fn after_two_requests_to_end_no_motion_begins() {
+    let (mut client, robot) = connect();
+    client.set_speed(0.01, 0.1).unwrap();
+    let stops = StopCount::default();
+    client.stop_when(Arc::clone(&stops));
+    assert_eq!((stops.ask(), stops.ask()), (0, 1));
+    let error = client.move_joints(&[0.0; 9]).unwrap_err();
+    assert!(matches!(error, ControllerError::Stopped), "{error}");
+    assert_eq!((robot.lock().unwrap().seen.len(), stops.is_moving()), (2, false));
+}
+
+#[test]
 fn a_stop_by_the_user_is_told_as_done_when_the_joints_stand() {
     for creeps in [false, true] {
         let (mut client, robot) = connect();
@@ -141,7 +195,7 @@ fn a_stop_by_the_user_is_told_as_done_when_the_joints_stand() {
         client.stop_when(Arc::clone(&stops));
         std::thread::spawn(move || {
             std::thread::sleep(Duration::from_millis(30));
-            stops.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+            stops.ask();
         });
         let error = client.move_joints(&[0.0; 9]).unwrap_err();
         let stands = matches!(error, ControllerError::Stopped);

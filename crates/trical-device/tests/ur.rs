@@ -110,6 +110,21 @@ fn a_motion_of_which_nothing_is_heard_is_ended_long_before_its_own_time() {
 }
 
 #[test]
+fn a_motion_in_which_the_connection_for_data_is_lost_is_ended_by_the_one_for_programs() {
+    let (mut client, robot) = impatient();
+    robot.lock().unwrap().creeps = true;
+    let later = Arc::clone(&robot);
+    std::thread::spawn(move || {
+        std::thread::sleep(Duration::from_millis(80));
+        later.lock().unwrap().closes = true;
+    });
+    let error = client.move_joints(&[0.0; 9]).unwrap_err().to_string();
+    assert!(error.contains("has not confirmed it") && error.contains("the connection is lost"), "{error}");
+    drop(client);
+    is_stopped(&robot);
+}
+
+#[test]
 fn an_arm_that_goes_on_after_a_stop_is_not_said_to_stand() {
     let (mut client, robot) = impatient();
     robot.lock().unwrap().creeps = true;
@@ -117,7 +132,7 @@ fn an_arm_that_goes_on_after_a_stop_is_not_said_to_stand() {
     client.stop_when(Arc::clone(&stops));
     std::thread::spawn(move || {
         std::thread::sleep(Duration::from_millis(80));
-        stops.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        stops.ask();
     });
     let error = client.move_joints(&[0.0; 9]).unwrap_err().to_string();
     assert!(error.contains("has not confirmed it") && error.contains("emergency stop"), "{error}");
@@ -170,7 +185,7 @@ fn a_stop_by_the_user_reaches_the_arm() {
     client.stop_when(Arc::clone(&stops));
     std::thread::spawn(move || {
         std::thread::sleep(Duration::from_millis(80));
-        stops.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        stops.ask();
     });
     let error = client.move_joints(&[0.0; 9]).unwrap_err();
     assert!(matches!(error, ControllerError::Stopped), "{error}");

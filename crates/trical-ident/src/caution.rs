@@ -382,7 +382,7 @@ mod tests {
         };
         model.terms.push(of_two(5.0));
         assert!(cautions(&model, 135, 31).is_empty(), "nothing follows gravity");
-        let soft = Basis::torque(2, trical_model::Shape::Linear);
+        let soft = Basis::torque(2, Shape::Linear);
         model.terms.push(Term::new("c_2", "compliance", Site::Joint { joint: 2 }, soft));
         let said = cautions(&model, 135, 31).remove(0);
         assert!(said.starts_with("the balls of recording 2 lean by 5.0 deg") && said.ends_with("by 9 %"), "{said}");

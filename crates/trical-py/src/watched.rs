@@ -35,7 +35,7 @@ pub fn watched<T: Send>(
 ) -> PyResult<T> {
     let end = &End::default();
     let stop = || {
-        end.stops.fetch_add(1, Ordering::Relaxed);
+        end.stops.ask();
     };
     let (result, raised) = py.detach(move || {
         std::thread::scope(|scope| {

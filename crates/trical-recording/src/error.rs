@@ -71,6 +71,17 @@ pub enum RecordError {
         /// The file.
         path: PathBuf,
     },
+    /// The file was removed or replaced while it was written.
+    #[error("{}: was removed or replaced while it was written; {}", path.display(), match saved {
+        Ok(saved) => format!("what it held has been written into {}", saved.display()),
+        Err(e) => format!("what it held is lost ({e})"),
+    })]
+    Removed {
+        /// The file.
+        path: PathBuf,
+        /// Where what it held is now.
+        saved: std::io::Result<PathBuf>,
+    },
     /// Another program writes it.
     #[error("{}: another program is writing it; wait until that has ended, or choose another name", path.display())]
     Busy {

@@ -25,7 +25,8 @@ pub struct MotionSense {
 impl MotionSense {
     /// Dead band in use where nothing else is known, rad: 0.0001 deg, ten times the last decimal of the wire.
     ///
-    /// The noise of real joint readings is not known \[I\]; a noisier arm needs a larger value.
+    /// The noise of real joint readings is not known \[I\]: the procedure measures it before the arm moves, and takes a larger value
+    /// where it is needed.
     pub const DEAD_BAND: f64 = 0.0001_f64.to_radians();
 
     /// Nothing known yet: all senses are 0. `dead_band` in rad.

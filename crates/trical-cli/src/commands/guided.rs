@@ -20,6 +20,7 @@ use trical_model::pose::rotation_vector;
 use trical_model::{Cell, Joints, Measured, Robot, Row};
 use trical_plan::{MotionGuard, PlanOptions, plan_touches, write_plan};
 use trical_recording::RecordingWriter;
+use trical_recording::mcap::check_same;
 use trical_report::table;
 
 use crate::commands::gauge::shown;
@@ -88,7 +89,8 @@ enum Step {
 impl Step {
     /// Number of the first touch of a ball for the world frame, and of the plan.
     const FIRST_BALL: usize = 2 + ORIENTATIONS;
-    const PLAN: usize = Self::FIRST_BALL + BALLS + 1;
+    const LAST_BALL: usize = Self::FIRST_BALL + BALLS - 1;
+    const PLAN: usize = Self::LAST_BALL + 2;
 
     /// The step after so many.
     fn at(done: usize) -> Self {
@@ -96,7 +98,7 @@ impl Step {
             0 => Self::Master,
             n if n <= ORIENTATIONS => Self::Orientation(n - 1),
             n if n < Self::FIRST_BALL => Self::ToolPoint,
-            n if n < Self::FIRST_BALL + BALLS => Self::Ball(n - Self::FIRST_BALL),
+            n if n <= Self::LAST_BALL => Self::Ball(n - Self::FIRST_BALL),
             n if n < Self::PLAN => Self::World,
             Self::PLAN => Self::Plan,
             _ => Self::Measure,
@@ -136,6 +138,14 @@ fn fitted<T>(what: &str, found: std::result::Result<T, SetUpError>) -> Result<Op
             Ok(None)
         }
     }
+}
+
+/// A file of a session that is gone.
+fn missing(path: &Path) -> CliError {
+    CliError::Input(format!(
+        "{}: is missing, and the session cannot go on without it; choose another --out",
+        path.display()
+    ))
 }
 
 /// Without mastering.
@@ -185,6 +195,7 @@ impl<'a> Guided<'a> {
         let person = Person::listen(self.interrupt)?;
         let cell = self.cell.clone();
         let mut led = Led { about: self, cell, kept, person, rows: BTreeMap::new(), log: None, plan: None };
+        led.check_begun()?;
         led.read_cell()?;
         if led.kept.step > Step::PLAN {
             let path = led.about.plan.map_or_else(|| beside(led.about.out, "plan.csv"), Path::to_owned);
@@ -253,11 +264,22 @@ impl<'a> Guided<'a> {
 }
 
 impl Led<'_> {
+    /// Refuses another arm or cell than those with which the session was begun: what was found since is not of them.
+    fn check_begun(&self) -> Result<()> {
+        let path = beside(self.about.out, "setup.mcap");
+        if path.exists() {
+            return Ok(check_same(&path, &self.session(&self.about.cell, &[], &path, FREE).header())?);
+        }
+        if self.kept.step > 1 { Err(missing(&path)) } else { Ok(()) }
+    }
+
     /// The cell that was found before, if one was.
     fn read_cell(&mut self) -> Result<()> {
         let found = beside(self.about.out, "cell.toml");
         if found.exists() {
             (_, self.cell) = RobotAndCell { robot: self.about.files.robot.clone(), cell: found }.load()?;
+        } else if self.kept.step >= Step::PLAN {
+            return Err(missing(&found));
         }
         Ok(())
     }
@@ -273,7 +295,14 @@ impl Led<'_> {
         loop {
             let at = self.kept.step;
             let next = match Step::at(at) {
-                Step::Master => self.master()?,
+                Step::Master => {
+                    let before = self.kept.zero;
+                    let next = self.master()?;
+                    if self.kept.zero != before {
+                        self.forget_touches()?;
+                    }
+                    next
+                }
                 Step::Orientation(k) => self.orientation(k)?,
                 Step::ToolPoint => self.tool_point()?,
                 Step::Ball(k) => self.ball(k)?,
@@ -404,6 +433,21 @@ impl Led<'_> {
         }
     }
 
+    /// Touches that were made with another mastering do not count any more; they stay in the recording.
+    fn forget_touches(&mut self) -> Result<()> {
+        if beside(self.about.out, "setup.mcap").exists() {
+            let log = self.open()?;
+            // its times are whole nanoseconds
+            self.kept.since = log.last_t() + 1e-6;
+            self.log = Some(log);
+        }
+        if !self.rows.is_empty() {
+            tell("The touches before were made with another zero: they are asked for again.")?;
+        }
+        self.rows.clear();
+        Ok(())
+    }
+
     /// The recording of the touches for tool point and world frame, with what it has already.
     fn open(&mut self) -> Result<RecordingWriter> {
         if let Some(log) = self.log.take() {
@@ -412,7 +456,9 @@ impl Led<'_> {
         let path = beside(self.about.out, "setup.mcap");
         let header = self.session(&self.about.cell, &[], &path, FREE).header();
         let (log, before) = RecordingWriter::resume(&path, &header)?;
-        for row in before.into_iter().flat_map(|before| before.recording.rows) {
+        let since = self.kept.since;
+        let rows = before.into_iter().flat_map(|before| before.recording.rows);
+        for row in rows.filter(|row| row.state.t.is_none_or(|t| t >= since)) {
             // a touch that was repeated: the last one counts
             row.seq.map(|seq| self.rows.insert(seq, row));
         }
@@ -489,7 +535,12 @@ impl Led<'_> {
             )?;
         }
         let what = format!("Ball 1, orientation {} of {ORIENTATIONS}", k + 1);
-        self.touch(0, k as u64, &what, ("s: keep the tool point of the cell file", Step::FIRST_BALL))
+        let next = self.touch(0, k as u64, &what, ("s: keep the tool point of the cell file", Step::FIRST_BALL))?;
+        if matches!(next, Next::To(_)) {
+            self.cell.tool.tcp = self.about.cell.tool.tcp;
+            self.write_cell()?;
+        }
+        Ok(next)
     }
 
     fn tool_point(&mut self) -> Result<Next> {
@@ -524,7 +575,13 @@ impl Led<'_> {
             tell("3. World frame. Balls 1, 2 and 3 are touched once, in one orientation.")?;
         }
         let index = (ORIENTATIONS + k) as u64;
-        self.touch(k, index, &format!("Ball {}", k + 1), ("s: keep the base of the cell file", Step::PLAN))
+        let skipped = ("s: keep the base of the cell file", Step::PLAN);
+        let next = self.touch(k, index, &format!("Ball {}", k + 1), skipped)?;
+        if matches!(next, Next::To(_)) {
+            self.cell.world_from_base = self.about.cell.world_from_base;
+            self.write_cell()?;
+        }
+        Ok(next)
     }
 
     fn world(&mut self) -> Result<Next> {
@@ -552,18 +609,21 @@ impl Led<'_> {
         tell(&format!(
             "The base of the arm has been found from the balls: {far:.1} mm and {by:.2} degrees from that of the cell file."
         ))?;
-        if by > BASE_TURNED_DEG {
-            // balls at equal distances do not tell that two were exchanged
-            match self.ask(
+        // balls at equal distances do not tell that two were exchanged
+        let answer = if by > BASE_TURNED_DEG {
+            self.ask(
                 "That is far: were the balls touched in another order than 1, 2, 3? Use it all the same? (s: keep the base of the \
                  cell file; b: repeat the touches.)",
-            )? {
-                Answer::Back => return Ok(Next::To(Step::FIRST_BALL)),
-                Answer::Skip => return Ok(Next::On),
-                _ => {}
-            }
+            )?
+        } else {
+            Answer::Go
+        };
+        match answer {
+            Answer::Back => return Ok(Next::To(Step::FIRST_BALL)),
+            Answer::Skip => {}
+            _ => self.cell.world_from_base = fit.world_from_base,
         }
-        self.cell.world_from_base = fit.world_from_base;
+        self.write_cell()?;
         Ok(Next::On)
     }
 
@@ -597,7 +657,6 @@ impl Led<'_> {
     }
 
     fn make_plan(&mut self) -> Result<Next> {
-        self.write_cell()?;
         self.close()?;
         let found = beside(self.about.out, "cell.toml");
         tell(&format!("The cell as it was found is in {}.", found.display()))?;
@@ -608,7 +667,8 @@ impl Led<'_> {
         tell("4. Plan. Touches are chosen that are free of collisions and tell most about the arm.")?;
         loop {
             match self.ask("Bring the arm to a free place. The measurement begins there.")? {
-                Answer::Back => return Ok(Next::Back),
+                // the base between is computed without a question
+                Answer::Back => return Ok(Next::To(Step::LAST_BALL)),
                 Answer::Go => {}
                 _ => {
                     tell("Without a plan there is no measurement.")?;
@@ -641,6 +701,10 @@ impl Led<'_> {
         loop {
             match self.ask(&text)? {
                 Answer::Go => {}
+                // a plan that was given is taken without a question
+                Answer::Back if !self.about.out.exists() && self.about.plan.is_some() => {
+                    return Ok(Next::To(Step::LAST_BALL));
+                }
                 Answer::Back if !self.about.out.exists() => return Ok(Next::Back),
                 Answer::Back => {
                     tell("The recording has begun: another cell or plan needs another --out.")?;

@@ -20,7 +20,7 @@ use crate::{interrupt, say, say_lines};
 #[command(
     after_help = "Nothing moves without --go: the whole run is printed instead. Ctrl-C ends a run in order: a motion under way \
     is stopped and the arm stays there; between motions it goes back the way it came. A second Ctrl-C stops the motion too, and \
-    ends the program at once. So do a request to terminate and a terminal that is closed. --resume goes on in all cases. What each stop means: docs/cell.md."
+    ends the program once it is stopped. So do a request to terminate and a terminal that is closed. --resume goes on in all cases. What each stop means: docs/cell.md."
 )]
 pub struct Args {
     #[command(flatten)]

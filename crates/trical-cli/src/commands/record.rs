@@ -43,17 +43,23 @@ pub struct Args {
     json: bool,
 }
 
-enum Source {
-    Controller(Box<dyn Controller>),
+enum Source<'a> {
+    /// Its URL, and the controller while it answers.
+    Controller(&'a str, Option<Box<dyn Controller>>),
     Feed(JointFeed),
 }
 
-impl Source {
+impl Source<'_> {
     fn joints(&mut self) -> std::result::Result<Joints, String> {
         match self {
-            Self::Controller(c) => {
-                let settle = c.joint_settle();
-                wait_settled(c.as_mut(), &settle, &AtomicBool::new(false)).map_err(|e| e.to_string())
+            Self::Controller(url, open) => {
+                // one that has failed is opened anew: it may be there again
+                let mut controller = open.take().map_or_else(|| open_controller(url), Ok).map_err(|e| e.to_string())?;
+                let settle = controller.joint_settle();
+                let q =
+                    wait_settled(controller.as_mut(), &settle, &AtomicBool::new(false)).map_err(|e| e.to_string())?;
+                *open = Some(controller);
+                Ok(q)
             }
             Self::Feed(feed) => {
                 let q = feed.joints().map_err(|e| e.to_string());
@@ -109,12 +115,18 @@ pub fn run(args: &Args) -> Result<()> {
     let (mut place, mut socket, mut taken) = (args.place.clone(), 1, 0_usize);
     let mut last: Option<Joints> = None;
     note!("{HELP}");
-    let mut lines = std::io::stdin().lock().lines();
+    let mut lines = std::io::stdin().lock().split(b'\n');
     loop {
         let _ = write!(std::io::stderr(), "{place}, socket {socket}> ");
         let Some(line) = lines.next() else { break };
         let line = line.map_err(|e| CliError::Failed(format!("standard input cannot be read: {e}")))?;
-        match Typed::of(&line, sockets) {
+        let typed = match String::from_utf8(line) {
+            Ok(line) => Typed::of(&line, sockets),
+            Err(e) => {
+                Typed::Wrong(format!("found {:?}, which is not UTF-8. {HELP}", String::from_utf8_lossy(e.as_bytes())))
+            }
+        };
+        match typed {
             Typed::End => break,
             Typed::Place(name) => {
                 place = name;
@@ -152,7 +164,7 @@ pub fn run(args: &Args) -> Result<()> {
     say(format!("{} added to {}", table::counted(taken, "row"), args.out.display()))
 }
 
-fn source(args: &Args, robot: &Robot) -> Result<Source> {
+fn source<'a>(args: &'a Args, robot: &Robot) -> Result<Source<'a>> {
     if let Some(url) = &args.controller {
         let controller = open_controller(url)?;
         let (found, expected) = (controller.joint_count(), robot.dof());
@@ -160,7 +172,7 @@ fn source(args: &Args, robot: &Robot) -> Result<Source> {
             let what = format!("--controller: has {found} joints, and {} has {expected}", args.robot.display());
             return Err(CliError::Input(what));
         }
-        return Ok(Source::Controller(controller));
+        return Ok(Source::Controller(url, Some(controller)));
     }
     let path = args.follow.as_ref().ok_or_else(|| CliError::Input("--controller or --follow is missing".into()))?;
     Ok(Source::Feed(JointFeed::open(path, robot).map_err(CliError::input)?))

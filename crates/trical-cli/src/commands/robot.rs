@@ -62,22 +62,22 @@ struct Jog {
     /// Which joint, counted from 1
     #[arg(long, value_name = "J", requires = "by_deg")]
     joint: Option<usize>,
-    /// By how much the joint goes on (mm for a prismatic joint)
+    /// By how much the joint goes on (mm for a prismatic joint, which --robot has to say that it is)
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, requires = "joint")]
     by_deg: Option<f64>,
-    /// Where all joints go
+    /// Where all joints go (mm for a prismatic joint of --robot)
     #[arg(long, value_name = "Q1,Q2,...", value_delimiter = ',', allow_hyphen_values = true)]
     joints_deg: Vec<f64>,
     /// By how much the tool goes along its own axes
     #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', allow_hyphen_values = true)]
     tool_mm: Vec<f64>,
-    /// No joint goes farther than this
+    /// No joint goes farther than this (mm for a prismatic joint of --robot)
     #[arg(long, value_name = "DEG", default_value_t = 5.0)]
     max_deg: f64,
     /// Speed of the tool
     #[arg(long, value_name = "MM_S", default_value_t = 10.0)]
     speed_mm_s: f64,
-    /// The arm, for its joint limits: robot.toml or a URDF
+    /// The arm, for the limits and kinds of its joints: robot.toml or a URDF
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
     /// Move; without it only what would be done is printed
@@ -116,15 +116,17 @@ fn joints(link: &Link) -> Result<()> {
     let mut controller = link.open()?;
     let settle = controller.joint_settle();
     let q = wait_settled(controller.as_mut(), &settle, &AtomicBool::new(false)).map_err(CliError::failed)?;
-    let degrees: Vec<f64> = in_degrees(&q, controller.joint_count());
+    let degrees = in_degrees(&q, controller.joint_count(), None);
     if link.json {
         return say(serde_json::to_string_pretty(&json!({ "joints_deg": degrees }))?);
     }
     say(listed(&degrees))
 }
 
-fn in_degrees(q: &Joints, count: usize) -> Vec<f64> {
-    q.iter().take(count).map(|q| (q.to_degrees() * 1e7).round() * 1e-7).collect()
+/// In deg, and mm of joints that slide.
+fn in_degrees(q: &Joints, count: usize, robot: Option<&Robot>) -> Vec<f64> {
+    let shown = |(k, q): (usize, &f64)| (q / trial::shown_in(robot, k).0 * 1e7).round() * 1e-7;
+    q.iter().take(count).enumerate().map(shown).collect()
 }
 
 fn listed(degrees: &[f64]) -> String {
@@ -133,11 +135,12 @@ fn listed(degrees: &[f64]) -> String {
 
 impl Jog {
     /// What is to be done, in SI.
-    fn what(&self) -> Result<trial::Jog> {
+    fn what(&self, robot: Option<&Robot>) -> Result<trial::Jog> {
+        let si = |k: usize, v: f64| v * trial::shown_in(robot, k).0;
         Ok(match (self.joint, self.by_deg, self.tool_mm.as_slice()) {
             (Some(0), ..) => return Err(CliError::Input("--joint: found 0, expected 1 or more".into())),
-            (Some(joint), Some(by), _) => trial::Jog::Joint(joint - 1, by.to_radians()),
-            (_, _, []) => trial::Jog::Joints(self.joints_deg.iter().map(|q| q.to_radians()).collect()),
+            (Some(joint), Some(by), _) => trial::Jog::Joint(joint - 1, si(joint - 1, by)),
+            (_, _, []) => trial::Jog::Joints(self.joints_deg.iter().enumerate().map(|(k, q)| si(k, *q)).collect()),
             (_, _, [x, y, z]) => trial::Jog::Tool([x * 1e-3, y * 1e-3, z * 1e-3]),
             (_, _, other) => {
                 return Err(CliError::Input(format!(
@@ -164,34 +167,36 @@ impl Jog {
 
 fn move_a_little(jog: &Jog) -> Result<()> {
     check_speed(jog.speed_mm_s * 1e-3).map_err(|e| jog.refused(&e))?;
-    let what = jog.what()?;
     let robot = jog.robot.as_ref().map(|path| Robot::load(path)).transpose()?;
+    let robot = robot.as_ref();
+    let what = jog.what(robot)?;
+    let unit = if robot.is_some_and(|r| r.prismatic().contains(&true)) { "deg (mm)" } else { "deg" };
     let mut controller = jog.link.open()?;
     let count = controller.joint_count();
     let settle = controller.joint_settle();
     let never = AtomicBool::new(false);
     let from = wait_settled(controller.as_mut(), &settle, &never).map_err(CliError::failed)?;
-    let to = what.target(&from, count, jog.max_deg.to_radians(), robot.as_ref()).map_err(|e| jog.refused(&e))?;
+    let to = what.target(&from, count, jog.max_deg.to_radians(), robot).map_err(|e| jog.refused(&e))?;
     let along = if let trial::Jog::Tool(by) = &what { Some(*by) } else { None };
     let would = along.map_or_else(
-        || format!("all joints to {} deg", listed(&in_degrees(&to, count))),
+        || format!("all joints to {} {unit}", listed(&in_degrees(&to, count, robot))),
         |d| format!("the tool by {:.3} {:.3} {:.3} mm along its own axes", d[0] * 1e3, d[1] * 1e3, d[2] * 1e3),
     );
     if !jog.go {
         if jog.link.json {
-            let value = json!({ "moved": false, "would": would, "joints_deg": in_degrees(&from, count) });
+            let value = json!({ "moved": false, "would": would, "joints_deg": in_degrees(&from, count, robot) });
             return say(serde_json::to_string_pretty(&value)?);
         }
-        say(format!("Now at {} deg.", listed(&in_degrees(&from, count))))?;
+        say(format!("Now at {} {unit}.", listed(&in_degrees(&from, count, robot))))?;
         say(format!("Would move {would}, at {} mm/s.", jog.speed_mm_s))?;
         return say("Nothing has moved. Add --go to move.");
     }
     controller.stop_when(interrupt::watch()?.stops);
     what.go(controller.as_mut(), &to, jog.speed_mm_s * 1e-3).map_err(CliError::failed)?;
     let at = wait_settled(controller.as_mut(), &settle, &never).map_err(CliError::failed)?;
-    let degrees = in_degrees(&at, count);
+    let degrees = in_degrees(&at, count, robot);
     if jog.link.json {
         return say(serde_json::to_string_pretty(&json!({ "moved": true, "joints_deg": degrees }))?);
     }
-    say(format!("Now at {} deg.", listed(&degrees)))
+    say(format!("Now at {} {unit}.", listed(&degrees)))
 }

@@ -27,22 +27,66 @@ pub use rapid::{RapidClient, RapidSettings};
 pub use rws::{RwsClient, RwsSettings};
 pub use ur::{UrClient, UrSettings};
 
-/// How often the user has asked for the end. A motion under way is stopped when it grows; the next one may begin all the same,
-/// so that the arm can be led back.
-pub type StopCount = Arc<AtomicUsize>;
+/// How often the user has asked for the end, and whether a motion is under way.
+///
+/// A motion under way is stopped when the number grows. After the first request the next motion may begin all the same, so that
+/// the arm can be led back; after the second one none does.
+#[derive(Debug, Default)]
+pub struct StopRequests {
+    asked: AtomicUsize,
+    moving: AtomicBool,
+}
+
+impl StopRequests {
+    /// Asks once more; gives how often that was done before.
+    pub fn ask(&self) -> usize {
+        self.asked.fetch_add(1, Ordering::SeqCst)
+    }
+
+    /// Whether a motion is under way, or its stop. After two requests none begins: once this is false the program may end.
+    pub fn is_moving(&self) -> bool {
+        self.moving.load(Ordering::SeqCst)
+    }
+}
+
+/// Shared by who asks and who moves.
+pub type StopCount = Arc<StopRequests>;
 
 /// What a driver knows of stops: nobody asks for any until it is told who may.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Stops(Option<StopCount>);
+pub(crate) struct Stops(StopCount);
 
 impl Stops {
     pub(crate) fn listen(&mut self, count: StopCount) {
-        self.0 = Some(count);
+        self.0 = count;
     }
 
-    /// How often so far.
-    pub(crate) fn so_far(&self) -> usize {
-        self.0.as_ref().map_or(0, |count| count.load(Ordering::Relaxed))
+    /// A motion begins, if it may: it is under way until what this gives is dropped.
+    pub(crate) fn begin(&self) -> Result<Motion, ControllerError> {
+        let stops = Arc::clone(&self.0);
+        // in this order: who asks looks whether anything moves after it has counted
+        stops.moving.store(true, Ordering::SeqCst);
+        let motion = Motion { before: stops.asked.load(Ordering::SeqCst), stops };
+        if motion.before > 1 { Err(ControllerError::Stopped) } else { Ok(motion) }
+    }
+}
+
+/// A motion under way.
+pub(crate) struct Motion {
+    stops: StopCount,
+    before: usize,
+}
+
+impl Motion {
+    /// Whether the user has asked to stop it.
+    pub(crate) fn is_to_stop(&self) -> bool {
+        self.stops.asked.load(Ordering::SeqCst) > self.before
+    }
+}
+
+impl Drop for Motion {
+    fn drop(&mut self) {
+        self.stops.moving.store(false, Ordering::SeqCst);
     }
 }
 
@@ -244,15 +288,16 @@ pub enum ControllerError {
     /// The user asked to stop, and the controller has stopped the motion under way.
     #[error("stopped by the user in the middle of a motion")]
     Stopped,
-    /// The user asked to stop, and the controller does not say that it did.
+    /// The controller was asked to stop the motion under way, and does not say that it did.
     #[error(
-        "robot controller {controller}: asked to stop the arm, and has not confirmed it within {seconds} s; use the emergency stop if it still moves"
+        "robot controller {controller}: asked to stop the arm, and has not confirmed it{}; use the emergency stop if it still moves",
+        why.as_ref().map_or_else(String::new, |why| format!(" ({why})"))
     )]
     StopNotConfirmed {
         /// Name of the controller.
         controller: String,
-        /// How long it was given, s.
-        seconds: f64,
+        /// What else has failed.
+        why: Option<Box<ControllerError>>,
     },
     /// The user asked to stop.
     #[error("stopped by the user while waiting for the arm to stand still")]
@@ -262,6 +307,13 @@ pub enum ControllerError {
 impl ControllerError {
     pub(crate) fn silent(controller: &str, request: &str, timeout: Duration) -> Self {
         Self::Silent { controller: controller.into(), request: request.into(), seconds: timeout.as_secs_f64() }
+    }
+
+    pub(crate) fn stop_not_confirmed(controller: &str, why: Self) -> Self {
+        Self::StopNotConfirmed {
+            controller: controller.into(),
+            why: (!matches!(why, Self::Stopped)).then(|| Box::new(why)),
+        }
     }
 
     pub(crate) fn refused(controller: &str, request: &str, reason: impl Into<String>) -> Self {
@@ -298,10 +350,7 @@ pub(crate) fn confirmed_stop(controller: &mut dyn Controller) -> ControllerError
     let settle = JointSettle { tolerance: 1e-4, interval: Duration::from_millis(200), timeout: STOP_TIMEOUT };
     match wait_settled(controller, &settle, &AtomicBool::new(false)) {
         Ok(_) => ControllerError::Stopped,
-        Err(error @ ControllerError::Lost { .. }) => error,
-        Err(_) => {
-            ControllerError::StopNotConfirmed { controller: controller.name(), seconds: STOP_TIMEOUT.as_secs_f64() }
-        }
+        Err(why) => ControllerError::stop_not_confirmed(&controller.name(), why),
     }
 }
 

@@ -7,7 +7,9 @@ use std::time::{Duration, Instant};
 use trical_model::recording::{Joints, MAX_JOINTS};
 
 use super::rapid_protocol::{self as protocol, Reply, code};
-use super::{Controller, ControllerError, JointSettle, LOOK_FOR_STOP, STOP_TIMEOUT, StopCount, Stops, connected};
+use super::{
+    Controller, ControllerError, JointSettle, LOOK_FOR_STOP, Motion, STOP_TIMEOUT, StopCount, Stops, connected,
+};
 use crate::gauge::shorten;
 use crate::url::Secret;
 use trical_recording::motion::JointSample;
@@ -215,13 +217,12 @@ impl<S: Read + Write + Send> RapidClient<S> {
 
     /// After the motion's request: waits for its reply. Meanwhile each end tells the other that it is alive, and the arm is
     /// stopped where the user asks for it.
-    fn motion_reply(&mut self, wanted: u8, request: &str) -> Result<(), ControllerError> {
-        let before = self.stops.so_far();
+    fn motion_reply(&mut self, wanted: u8, request: &str, motion: &Motion) -> Result<(), ControllerError> {
         let (begin, timeout) = (Instant::now(), self.settings.move_timeout);
         let (mut heard, mut said) = (begin, begin);
         loop {
             let now = Instant::now();
-            if self.stops.so_far() > before {
+            if motion.is_to_stop() {
                 return Err(self.stop());
             }
             let silent = [(now - begin, timeout), (now - heard, self.settings.timeout.max(2 * ALIVE_EVERY))];
@@ -259,9 +260,12 @@ impl<S: Read + Write + Send> RapidClient<S> {
             Ok(true) => ControllerError::Stopped,
             Ok(false) => {
                 self.broken = Some("it did not confirm a stop".to_owned());
-                ControllerError::StopNotConfirmed { controller: self.name.clone(), seconds: STOP_TIMEOUT.as_secs_f64() }
+                ControllerError::stop_not_confirmed(
+                    &self.name,
+                    ControllerError::silent(&self.name, "stop", STOP_TIMEOUT),
+                )
             }
-            Err(error) => error,
+            Err(why) => ControllerError::stop_not_confirmed(&self.name, why),
         }
     }
 
@@ -314,8 +318,9 @@ impl<S: Read + Write + Send> RapidClient<S> {
     fn motion(&mut self, wanted: u8, parameters: &[f64], decimals: usize) -> Result<(), ControllerError> {
         self.whole()?;
         let request = protocol::write_request(wanted, parameters, decimals);
+        let motion = self.stops.begin()?;
         self.send(&request)?;
-        self.motion_reply(wanted, &request)
+        self.motion_reply(wanted, &request, &motion)
     }
 }
 

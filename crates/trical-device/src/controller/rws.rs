@@ -12,7 +12,7 @@ use ureq::tls::{Certificate, RootCerts, TlsConfig};
 
 use super::rapid_protocol::{self, code};
 use super::rws_protocol as protocol;
-use super::{Controller, ControllerError, JointSettle, StopCount, Stops, confirmed_stop};
+use super::{Controller, ControllerError, JointSettle, Motion, STOP_TIMEOUT, StopCount, Stops, confirmed_stop};
 use crate::gauge::shorten;
 use crate::url::Secret;
 use trical_recording::motion::JointSample;
@@ -246,35 +246,24 @@ impl RwsClient {
     fn handshake(&mut self, wanted: u8, parameters: &[f64], timeout: Duration) -> Result<String, ControllerError> {
         let last = self.sequence.unwrap_or(0);
         // a request that was not answered may still be under way: a new one would run into it
-        if self.number("nAck")? != last {
+        let done = self.number("nAck")?;
+        if done != last && done != self.number("nSeq")? {
             let reason = "the module is still busy with a request before, or does not run; start TriCalRwsLoop";
             return Err(ControllerError::refused(&self.name, &format!("{wanted:02}"), reason));
         }
         // single precision counts to 16 777 216
-        let next = (last + 1) % 1_000_000;
+        let next = (last.max(done) + 1) % 1_000_000;
         let request = protocol::request_value(wanted, parameters);
+        let moves = matches!(wanted, code::MOVE_JOINTS | code::CORRECT);
+        let motion = moves.then(|| self.stops.begin()).transpose()?;
         self.set("nReq", &request)?;
-        self.set("nSeq", &next.to_string())?;
+        // whether the module gets it or not: a number that was sent is never used again
         self.sequence = Some(next);
-        let (begin, before) = (Instant::now(), self.stops.so_far());
-        while self.number("nAck")? != next {
-            if self.stops.so_far() > before {
-                self.stop_program()?;
-                return Err(confirmed_stop(self));
-            }
-            let moves = matches!(wanted, code::MOVE_JOINTS | code::CORRECT);
-            if begin.elapsed() > timeout {
-                if moves {
-                    // whatever the arm does now, it is not waited for
-                    let _ = self.stop_program();
-                }
-                return Err(ControllerError::silent(&self.name, &request, timeout));
-            }
-            if moves {
-                let q = self.joints()?;
-                self.history.push(JointSample { t: self.begin.elapsed().as_secs_f64(), q });
-            }
-            std::thread::sleep(self.settings.poll);
+        let followed =
+            self.set("nSeq", &next.to_string()).and_then(|()| self.follow(next, &request, timeout, motion.as_ref()));
+        match followed {
+            Err(error) if moves => return Err(self.end_motion(error)),
+            other => other?,
         }
         let ok = self.number("nOk")?;
         let reply = protocol::unquoted(&self.get("sReply")?).to_owned();
@@ -283,9 +272,42 @@ impl RwsClient {
 }
 
 impl RwsClient {
-    /// The whole program stops, and has to be started again by hand \[I\].
-    fn stop_program(&mut self) -> Result<(), ControllerError> {
-        self.request(HttpMethod::POST, STOP_PATH, "stopmode=stop").map(|_| ())
+    /// Waits until a request is done; joints are sampled in a motion.
+    fn follow(
+        &mut self,
+        number: u64,
+        request: &str,
+        timeout: Duration,
+        motion: Option<&Motion>,
+    ) -> Result<(), ControllerError> {
+        let begin = Instant::now();
+        while self.number("nAck")? != number {
+            if motion.is_some_and(Motion::is_to_stop) {
+                return Err(ControllerError::Stopped);
+            }
+            if begin.elapsed() > timeout {
+                return Err(ControllerError::silent(&self.name, request, timeout));
+            }
+            if motion.is_some() {
+                let q = self.joints()?;
+                self.history.push(JointSample { t: self.begin.elapsed().as_secs_f64(), q });
+            }
+            std::thread::sleep(self.settings.poll);
+        }
+        Ok(())
+    }
+
+    /// Stops a motion that is not waited for any more, whatever the reason: the whole program stops, and has to be started again by
+    /// hand \[I\]. Services that answer wrongly once may do so twice, so they are asked again.
+    fn end_motion(&mut self, error: ControllerError) -> ControllerError {
+        let begin = Instant::now();
+        while self.request(HttpMethod::POST, STOP_PATH, "stopmode=stop").is_err() {
+            if begin.elapsed() >= STOP_TIMEOUT {
+                return ControllerError::stop_not_confirmed(&self.name, error);
+            }
+            std::thread::sleep(self.settings.poll);
+        }
+        if matches!(error, ControllerError::Stopped) { confirmed_stop(self) } else { error }
     }
 }
 

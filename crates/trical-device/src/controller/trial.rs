@@ -81,40 +81,54 @@ pub enum JogError {
         joints: usize,
     },
     /// The motion is not small.
-    #[error("joint {joint} would go {by_deg:.3} deg, the limit is {limit_deg} deg")]
+    #[error("joint {joint} would go {by:.3} {unit}, the limit is {limit} {unit}")]
     Far {
         /// Which joint, counted from 1.
         joint: usize,
-        /// How far, deg.
-        by_deg: f64,
-        /// The limit, deg.
-        limit_deg: f64,
+        /// How far.
+        by: f64,
+        /// The limit.
+        limit: f64,
+        /// deg or mm.
+        unit: &'static str,
     },
     /// The tool would go far.
     #[error("found {0:?}, expected three numbers of 5 mm at most")]
     FarTool([f64; 3]),
     /// Beyond the limits of the arm.
-    #[error("joint {joint} would go to {to_deg:.3} deg, outside its limits {lower_deg:.1} to {upper_deg:.1} deg")]
+    #[error("joint {joint} would go to {to:.3} {unit}, outside its limits {lower:.1} to {upper:.1} {unit}")]
     Limits {
         /// Which joint, counted from 1.
         joint: usize,
-        /// Where to, deg.
-        to_deg: f64,
-        /// Least, deg.
-        lower_deg: f64,
-        /// Largest, deg.
-        upper_deg: f64,
+        /// Where to.
+        to: f64,
+        /// Least.
+        lower: f64,
+        /// Largest.
+        upper: f64,
+        /// deg or mm.
+        unit: &'static str,
     },
     /// A speed that makes no sense.
     #[error("found a speed of {0} mm/s, expected more than 0 and up to 250")]
     Speed(f64),
 }
 
+/// What people read and type a joint (from 0) in: the unit in SI, and its name. Where the arm is not known, each joint turns.
+#[must_use]
+pub fn shown_in(robot: Option<&Robot>, joint: usize) -> (f64, &'static str) {
+    match robot.and_then(|robot| robot.joints.get(joint)) {
+        Some(joint) if joint.kind == JointKind::Prismatic => (1e-3, "mm"),
+        _ => (1_f64.to_radians(), "deg"),
+    }
+}
+
 impl Jog {
     /// Where the joints go by it, `from` where they stand; the tool's motion is left to the controller.
     ///
     /// # Errors
-    /// A motion that is not small (`most` rad for a joint), or beyond the limits of `robot`, where it is known.
+    /// A motion that is not small (`most` rad for a joint, for a sliding one as many mm as that is deg), or beyond the limits of
+    /// `robot`, where it is known.
     pub fn target(&self, from: &Joints, joints: usize, most: f64, robot: Option<&Robot>) -> Result<Joints, JogError> {
         if let Some(robot) = robot.filter(|r| r.dof() != joints) {
             return Err(JogError::OtherArm { robot: robot.name.clone(), found: robot.dof(), joints });
@@ -138,17 +152,19 @@ impl Jog {
             }
         }
         for (k, (a, b)) in from.iter().zip(&to).enumerate() {
-            let by_deg = (b - a).to_degrees();
-            let limit_deg = trical_model::robot::tidy(most.to_degrees());
-            if !by_deg.is_finite() || by_deg.abs() > limit_deg {
-                return Err(JogError::Far { joint: k + 1, by_deg, limit_deg });
+            let (si, unit) = shown_in(robot, k);
+            let by = (b - a) / si;
+            let limit = trical_model::robot::tidy(most.to_degrees());
+            if !by.is_finite() || by.abs() > limit {
+                return Err(JogError::Far { joint: k + 1, by, limit, unit });
             }
         }
         for (k, (joint, q)) in robot.iter().flat_map(|r| &r.joints).zip(&to).enumerate() {
             let [lower, upper] = joint.limits;
-            if joint.kind != JointKind::Prismatic && !(lower..=upper).contains(q) {
-                let [to_deg, lower_deg, upper_deg] = [*q, lower, upper].map(f64::to_degrees);
-                return Err(JogError::Limits { joint: k + 1, to_deg, lower_deg, upper_deg });
+            if !(lower..=upper).contains(q) {
+                let (si, unit) = shown_in(robot, k);
+                let [to, lower, upper] = [*q, lower, upper].map(|v| v / si);
+                return Err(JogError::Limits { joint: k + 1, to, lower, upper, unit });
             }
         }
         Ok(to)
@@ -173,4 +189,26 @@ impl Jog {
 /// Zero, negative, or faster than manual mode.
 pub fn check_speed(speed: f64) -> Result<(), JogError> {
     if speed > 0.0 && speed <= FAST { Ok(()) } else { Err(JogError::Speed(speed * 1e3)) }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn a_sliding_joint_goes_by_mm_and_within_its_limits() {
+        let text = include_str!("../../../../cells/irb120/robot.toml");
+        let mut robot = Robot::parse(text, "robot.toml").unwrap();
+        (robot.joints[0].kind, robot.joints[0].limits) = (JointKind::Prismatic, [0.0, 0.1]);
+        let says = |by: f64, from: f64| {
+            let mut at = Joints::default();
+            at[0] = from;
+            let to = Jog::Joint(0, by).target(&at, robot.dof(), 5_f64.to_radians(), Some(&robot));
+            to.map_or_else(|e| e.to_string(), |to| format!("{:.3}", to[0]))
+        };
+        assert_eq!(says(5e-3, 0.0), "0.005");
+        assert_eq!(says(-5e-3, 0.0), "joint 1 would go to -5.000 mm, outside its limits 0.0 to 100.0 mm");
+        assert_eq!(says(6e-3, 0.0), "joint 1 would go 6.000 mm, the limit is 5 mm");
+    }
 }

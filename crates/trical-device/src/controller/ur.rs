@@ -224,12 +224,13 @@ impl UrClient {
             "def trical():\n  set_tcp(p[{x:.7},{y:.7},{z:.7},0,0,0])\n  {motion}\n  \
              write_output_integer_register(24, {number})\nend\n"
         );
-        let (before, begin, timeout) = (self.stops.so_far(), Instant::now(), self.settings.timeout);
+        let under_way = self.stops.begin()?;
+        let (begin, timeout) = (Instant::now(), self.settings.timeout);
         let (mut packages, mut heard) = (0, begin);
         let mut begun = false;
         self.send(&program)?;
         let result = self.wait(motion, self.settings.move_timeout, |seen| {
-            if self.stops.so_far() > before {
+            if under_way.is_to_stop() {
                 return Some(Err(ControllerError::Stopped));
             }
             if packages != seen.packages {
@@ -249,14 +250,15 @@ impl UrClient {
             }
             (now.done == number).then_some(Ok(now))
         });
-        match result {
-            Ok(_) => Ok(()),
-            Err(error @ ControllerError::Lost { .. }) => Err(error),
-            Err(error) => {
-                self.send(STOP)?;
-                Err(if matches!(error, ControllerError::Stopped) { confirmed_stop(self) } else { error })
+        let Err(error) = result else { return Ok(()) };
+        // programs go another way than data: it may be there where no data come any more
+        Err(match (self.send(STOP), error) {
+            (Ok(()), ControllerError::Stopped) => confirmed_stop(self),
+            (Err(_), why) | (Ok(()), why @ ControllerError::Lost { .. }) => {
+                ControllerError::stop_not_confirmed(&self.name, why)
             }
-        }
+            (Ok(()), error) => error,
+        })
     }
 }
 

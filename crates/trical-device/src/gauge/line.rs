@@ -89,6 +89,9 @@ impl LineSettings {
 }
 
 /// Three line gauges on three ports, or one with three channels, or one that answers three values at once.
+///
+/// An answer does not say which request it is to. After a time-out, or a line that is no answer, the port has to be silent for as long as an
+/// answer may take: what comes meanwhile is no value.
 pub struct LineGauge<P> {
     ports: Vec<(P, Lines)>,
     name: String,
@@ -127,13 +130,25 @@ impl<P: Port> LineGauge<P> {
         while attempt < settings.attempts.max(1) {
             lines.drain(port).map_err(io)?;
             while lines.next_line().is_some() {}
+            // what a device without a pause has begun to say is no answer, and its rest is no value
+            let begun = !lines.rest().is_empty();
             lines.clear();
             port.write_all(request.as_bytes()).and_then(|()| port.flush()).map_err(io)?;
-            let Some(line) = lines.wait(port, Instant::now() + settings.timeout).map_err(io)? else {
+            let deadline = Instant::now() + settings.timeout;
+            let mut line = lines.wait(port, deadline).map_err(io)?;
+            if begun && line.is_some() {
+                line = lines.wait(port, deadline).map_err(io)?;
+            }
+            let reply = line.as_ref().map(|line| parse_line(line, &settings.pattern));
+            // an answer after one that did not come may be that one, and another may follow
+            if attempt > 0 || matches!(reply, None | Some(LineReply::Garbage)) {
+                lines.fall_silent(port, settings.timeout).map_err(io)?;
+            }
+            let (Some(line), Some(reply)) = (line, reply) else {
                 attempt += 1;
                 continue;
             };
-            match parse_line(&line, &settings.pattern) {
+            match reply {
                 LineReply::Values(values) => {
                     let readings: Vec<f64> = values
                         .into_iter()
@@ -203,5 +218,103 @@ impl<P: Port> Gauge for LineGauge<P> {
 
     fn settle(&self) -> Settle {
         self.settings.settle.clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use std::collections::VecDeque;
+    use std::io::{self, Read, Write};
+
+    use super::*;
+
+    const TIMEOUT: Duration = Duration::from_millis(60);
+
+    /// Answers 1.111 to A, 2.222 to B and 3.333 to C: the first time half of it at once and the rest after the time-out, or all of it then.
+    struct Late {
+        first: usize,
+        asked: usize,
+        due: VecDeque<(Instant, Vec<u8>)>,
+    }
+
+    impl Write for Late {
+        fn write(&mut self, request: &[u8]) -> io::Result<usize> {
+            let n = f64::from(request[0] - b'A' + 1);
+            let reply = format!("+{:08.3}\r", 1.111 * n).into_bytes();
+            let (now, rest) = (Instant::now(), reply[self.first..].to_vec());
+            self.asked += 1;
+            match self.asked {
+                1 => self.due.extend([(now, reply[..self.first].to_vec()), (now + TIMEOUT * 3 / 2, rest)]),
+                // later than the rest of the first one
+                3 => self.due.push_back((now + TIMEOUT * 4 / 5, reply)),
+                _ => self.due.push_back((now, reply)),
+            }
+            self.due.make_contiguous().sort_by_key(|(when, _)| *when);
+            Ok(request.len())
+        }
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    impl Read for Late {
+        fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+            match self.due.pop_front_if(|(when, _)| *when <= Instant::now()) {
+                Some((_, bytes)) if !bytes.is_empty() => (&bytes[..]).read(into),
+                _ => {
+                    std::thread::sleep(Duration::from_millis(1));
+                    Err(io::ErrorKind::TimedOut.into())
+                }
+            }
+        }
+    }
+
+    impl Port for Late {
+        fn waiting(&mut self) -> io::Result<usize> {
+            Ok(self.due.iter().filter(|(when, _)| *when <= Instant::now()).map(|(_, bytes)| bytes.len()).sum())
+        }
+    }
+
+    #[test]
+    fn an_answer_that_comes_too_late_is_none_of_another_axis_nor_is_its_second_half() {
+        for first in [0, 6] {
+            let requests = ["A", "B", "C"].map(str::to_owned);
+            let settings = LineSettings { requests, timeout: TIMEOUT, ..LineSettings::preset("line").unwrap() };
+            let port = Late { first, asked: 0, due: VecDeque::new() };
+            let mut gauge = LineGauge::new(vec![port], "late", settings).unwrap();
+            // under load each attempt may be too late
+            if let Ok(reading) = gauge.read() {
+                assert_eq!(reading.map(|v| (v * 1e6).round()), [1111.0, 2222.0, 3333.0]);
+            }
+        }
+    }
+
+    #[test]
+    fn the_rest_of_what_a_device_had_begun_to_say_is_no_value() {
+        struct Talks(VecDeque<&'static [u8]>);
+        impl Read for Talks {
+            fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+                self.0.pop_front().map_or(Err(io::ErrorKind::TimedOut.into()), |mut bytes| bytes.read(into))
+            }
+        }
+        impl Write for Talks {
+            fn write(&mut self, request: &[u8]) -> io::Result<usize> {
+                self.0.extend([&b"11\r"[..], b"+0002.222\r"]);
+                Ok(request.len())
+            }
+            fn flush(&mut self) -> io::Result<()> {
+                Ok(())
+            }
+        }
+        impl Port for Talks {
+            fn waiting(&mut self) -> io::Result<usize> {
+                Ok(self.0.iter().map(|bytes| bytes.len()).sum())
+            }
+        }
+        let settings = LineSettings { timeout: Duration::from_secs(5), ..LineSettings::preset("line").unwrap() };
+        let mut gauge = LineGauge::new(vec![Talks([&b"+0001.1"[..]].into())], "talks", settings).unwrap();
+        let found = gauge.ask(0).unwrap();
+        assert!((found[0] - 2.222e-3).abs() < 1e-12, "{found:?}");
     }
 }

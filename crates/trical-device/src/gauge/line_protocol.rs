@@ -18,7 +18,7 @@ pub enum LineReply {
 /// The form of a reply: literal text with `{v}` where a value stands, e.g. `01A{v}` or `{v};{v};{v}`.
 ///
 /// Blanks around values are ignored, and so is a unit behind a value. Without literal text the line must hold just the
-/// value.
+/// value. A comma in a value is a decimal one, but not where the literal text behind the value begins with one.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pattern {
     /// Literal text before each value, then what follows the last.
@@ -48,14 +48,14 @@ impl Pattern {
     fn read(&self, text: &str) -> Option<Vec<(f64, Unit)>> {
         let mut rest = text;
         let mut values = Vec::with_capacity(self.values());
-        let (last, before) = self.literals.split_last()?;
-        for literal in before {
+        for pair in self.literals.windows(2) {
+            let [literal, behind] = pair else { continue };
             rest = rest.trim_start().strip_prefix(literal.as_str())?;
-            let (value, unit, after) = take_value(rest.trim_start())?;
+            let (value, unit, after) = take_value(rest.trim_start(), !behind.starts_with(','))?;
             values.push((value, unit));
             rest = after;
         }
-        (rest.trim() == last).then_some(values)
+        (rest.trim() == self.literals.last()?).then_some(values)
     }
 }
 
@@ -87,8 +87,8 @@ pub fn parse_line(line: &[u8], pattern: &Pattern) -> LineReply {
     pattern.read(text).map_or(LineReply::Garbage, LineReply::Values)
 }
 
-/// A number at the start of the text, a unit behind it, and the rest.
-fn take_value(text: &str) -> Option<(f64, Unit, &str)> {
+/// A number at the start of the text, in which a comma may be a decimal one, a unit behind it, and the rest.
+fn take_value(text: &str, comma: bool) -> Option<(f64, Unit, &str)> {
     let (sign, digits) = match text.as_bytes().first()? {
         b'+' => (1.0, text.get(1..)?),
         b'-' => (-1.0, text.get(1..)?),
@@ -96,8 +96,8 @@ fn take_value(text: &str) -> Option<(f64, Unit, &str)> {
     };
     // some instruments put blanks between the sign and the number
     let digits = digits.trim_start();
-    let end =
-        digits.bytes().position(|byte| !(byte.is_ascii_digit() || matches!(byte, b'.' | b','))).unwrap_or(digits.len());
+    let is_part = |byte: u8| byte.is_ascii_digit() || byte == b'.' || (comma && byte == b',');
+    let end = digits.bytes().position(|byte| !is_part(byte)).unwrap_or(digits.len());
     let (number, rest) = digits.split_at_checked(end)?;
     // "91," is what is left of a garbled "918", not a value
     if !number.ends_with(|last: char| last.is_ascii_digit()) {
@@ -146,7 +146,9 @@ mod tests {
         assert_eq!(parse_line(b"02A+0000.123", &itn), LineReply::Garbage);
         let three = Pattern::parse("{v};{v};{v}").unwrap();
         let values = vec![(1.0, Unit::None), (-2.0, Unit::None), (3.5, Unit::None)];
-        assert_eq!(parse_line(b"1.0; -2.0; +3.5", &three), LineReply::Values(values));
+        assert_eq!(parse_line(b"1.0; -2.0; +3.5", &three), LineReply::Values(values.clone()));
+        let commas = Pattern::parse("{v},{v},{v}").unwrap();
+        assert_eq!(parse_line(b"1.0,-2.0, 3.5", &commas), LineReply::Values(values));
     }
 
     #[test]

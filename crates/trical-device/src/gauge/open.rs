@@ -157,7 +157,11 @@ pub(super) fn line_settings(url: &mut DeviceUrl, mut settings: LineSettings) -> 
             _ => return Err(url.error(format!("option unit={unit:?}; expected mm, um or in"))),
         };
     }
-    settings.scale *= url.take_number("scale", 1.0, -1e6..=1e6)?;
+    let scale = url.take_number("scale", 1.0, -1e6..=1e6)?;
+    if scale == 0.0 {
+        return Err(url.error("option scale=0; expected a factor that leaves something of a reading"));
+    }
+    settings.scale *= scale;
     settings.flip = flip(url)?;
     settings.timeout = milliseconds(url, "timeout_ms", settings.timeout)?;
     settings.attempts = url.take_number("attempts", f64::from(settings.attempts), 1.0..=100.0)? as u32;
@@ -220,6 +224,7 @@ mod tests {
         assert!(says("itn:///dev/a,/dev/b").contains("2 ports"));
         assert!(says("opto:///dev/a,/dev/b,/dev/c?framing=8M1").contains("8N1"));
         assert!(says("line:///dev/a?pattern=abc").contains("{v}"));
+        assert!(says("line:///dev/a?pattern={v};{v};{v}&scale=0").contains("scale=0"));
         assert!(says("uwave:///dev/does-not-exist").contains("cannot be opened"));
         assert!(says("uwave:///dev/a?zero_mm=1,2").contains("three numbers of mm"));
         assert!(says("uwave:///dev/a?zero_mm=1,2,nan").contains("three numbers of mm"));

@@ -218,6 +218,26 @@ impl Lines {
         Ok(())
     }
 
+    /// Forgets what comes until nothing has come for so long: answers that come too late. A device that never ends sending is not
+    /// waited for.
+    pub(crate) fn fall_silent(&mut self, port: &mut dyn Port, quiet: Duration) -> io::Result<()> {
+        let begin = Instant::now();
+        let mut heard = begin;
+        loop {
+            // looked at before it is read: what came meanwhile is read all the same
+            let silent = heard.elapsed() >= quiet;
+            if self.fill(port)? {
+                heard = Instant::now();
+            } else if silent {
+                return Ok(());
+            }
+            self.clear();
+            if begin.elapsed() >= 4 * quiet {
+                return Ok(());
+            }
+        }
+    }
+
     /// Waits for a whole record until the deadline.
     pub(crate) fn wait(&mut self, port: &mut dyn Port, deadline: Instant) -> io::Result<Option<Vec<u8>>> {
         loop {

@@ -116,8 +116,11 @@ pub struct ProcedureOptions<'a> {
     pub payload_kg: Option<f64>,
     /// Time of the recording when this run begins, s.
     pub begin_t: f64,
-    /// Motions smaller than this do not change the recorded sense of a joint's last motion.
+    /// Motions smaller than this do not change the recorded sense of a joint's last motion; neither do those within the noise of the
+    /// joints, which is measured while the arm stands at the beginning.
     pub dead_band: f64,
+    /// What the free stems read at the first touch of an earlier run, m: the gauge's zero has to be the same.
+    pub free: Option<[f64; 3]>,
     /// Read the gauge at the approach point, and take a gauge that shows the same at the touch as stale.
     pub check_release: bool,
     /// Asked before every joint motion (the collision model), from where the controller says that the arm is.
@@ -148,6 +151,7 @@ impl Default for ProcedureOptions<'_> {
             payload_kg: None,
             begin_t: 0.0,
             dead_band: MotionSense::DEAD_BAND,
+            free: None,
             check_release: true,
             guard: None,
             corrected: None,

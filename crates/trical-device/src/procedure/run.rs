@@ -16,6 +16,15 @@ use crate::gauge::{AXES, Gauge, settled_reading};
 use trical_recording::mcap::RunLog;
 use trical_recording::motion::{JointSample, MotionSense};
 
+/// Readings of the joints of an arm that stands, by which its noise is known.
+const NOISE_READINGS: usize = 20;
+/// The sense of a motion is told where it is longer than so many times the spread of those readings: over a whole run noise reaches farther.
+const NOISE_FACTOR: f64 = 3.0;
+/// Readings that are farther apart are those of an arm that moves, rad.
+const MOST_NOISE: f64 = 0.01_f64.to_radians();
+/// Temperatures that a sensor beside an arm can show, degC.
+const TEMPERATURES: std::ops::RangeInclusive<f64> = -100.0..=200.0;
+
 /// Times of a controller that stand in another order than they were asked for, s: no jump yet.
 const CLOCK_SLACK_S: f64 = 1.0;
 /// A clock that goes on by more than a day from one step to the next has jumped.
@@ -60,8 +69,9 @@ pub fn run(
         corrected: 0.0,
         touching: None,
         retreating: false,
-        free: None,
+        free: options.free,
         coarse: false,
+        no_temperature: false,
     };
     let not_begun = |violation| ProcedureError::Start { violation: Box::new(violation) };
     runner.start().map_err(not_begun)?;
@@ -130,6 +140,8 @@ struct Runner<'a, 'o> {
     free: Option<[f64; 3]>,
     /// Whether it was told that joints come with few decimals.
     coarse: bool,
+    /// Whether it was told that the controller's temperature is none.
+    no_temperature: bool,
 }
 
 impl Runner<'_, '_> {
@@ -152,9 +164,23 @@ impl Runner<'_, '_> {
         // another unit, a turn more, another order: nothing that follows would be checked from where the arm is
         check_standing(&at, options)?;
         self.at = at;
+        self.look_at_noise()?;
         self.gauge.read()?;
         self.take_warnings();
         self.note_joints()
+    }
+
+    /// How much the joints of the arm differ from reading to reading while it stands: so much is no motion.
+    fn look_at_noise(&mut self) -> Result<(), Violation> {
+        let (mut low, mut high) = (self.at, self.at);
+        for _ in 0..NOISE_READINGS {
+            for (k, q) in self.controller.joints()?.into_iter().enumerate() {
+                (low[k], high[k]) = (low[k].min(q), high[k].max(q));
+            }
+        }
+        let noise = (NOISE_FACTOR * largest_difference(&low, &high).1).min(MOST_NOISE);
+        self.motion = MotionSense::new(noise.max(self.options.dead_band));
+        Ok(())
     }
 
     /// Where an earlier run was broken off in a touch, the arm still stands there: it goes back to the point before.
@@ -264,7 +290,13 @@ impl Runner<'_, '_> {
                 high_mm: high * 1e3,
             });
         }
-        let first = *self.free.get_or_insert(free);
+        let first = self.free.unwrap_or(free);
+        if self.free.is_none() {
+            self.free = Some(free);
+            // for a run that takes this recording up
+            let t = self.time()?;
+            self.log.indicators(t, &free, true)?;
+        }
         match (0..3).find(|k| (free[*k] - first[*k]).abs() > limits.free_change) {
             None => Ok(()),
             Some(k) => Err(Violation::ZeroMoved {
@@ -355,7 +387,7 @@ impl Runner<'_, '_> {
         self.note_joints()?;
         self.look_at_decimals();
         let t = self.time()?;
-        let temp_c = self.controller.temperature()?.or(self.options.temp_c);
+        let temp_c = self.temperature()?;
         if let Some(temp_c) = temp_c {
             self.log.temperature(t, temp_c)?;
         }
@@ -364,6 +396,21 @@ impl Runner<'_, '_> {
         let state = State { dir, t: Some(t), temp_c, payload_kg, ..State::at(&self.at) };
         let measured = Measured::Touch { ball: entry.ball, reading };
         Ok(Row { state, measured, seq: Some(entry.index), line: 0 })
+    }
+
+    /// By the controller's sensor, where it has one that works.
+    fn temperature(&mut self) -> Result<Option<f64>, Violation> {
+        let found = self.controller.temperature()?;
+        if let Some(found) = found.filter(|found| !self.no_temperature && !TEMPERATURES.contains(found)) {
+            self.no_temperature = true;
+            let controller = self.controller.name();
+            self.warn(format!(
+                "robot controller {controller}: reports a temperature of {found} degC, which is not recorded; expected {} to {}",
+                TEMPERATURES.start(),
+                TEMPERATURES.end()
+            ));
+        }
+        Ok(found.filter(|found| TEMPERATURES.contains(found)).or(self.options.temp_c))
     }
 
     /// Warns once of a controller that rounds its joints: no calibration is better than that.
@@ -522,14 +569,19 @@ impl Runner<'_, '_> {
 
     /// Logs where the joints have been, and where they are.
     fn note_joints(&mut self) -> Result<(), Violation> {
-        for sample in self.controller.take_history() {
+        let (history, mut before) = (self.controller.take_history(), self.t);
+        let now = self.time()?;
+        for sample in history {
             self.motion.push(&sample.q);
-            let t = self.on_recording(sample.t);
-            self.log.joint_state(&JointSample { t, q: sample.q })?;
+            let t = sample.t + self.clock_offset;
+            // what is older comes from an arm that stood, or from before a jump of the clock
+            if (before..=now).contains(&t) {
+                self.log.joint_state(&JointSample { t, q: sample.q })?;
+                before = t;
+            }
         }
         self.motion.push(&self.at);
-        let t = self.time()?;
-        Ok(self.log.joint_state(&JointSample { t, q: self.at })?)
+        Ok(self.log.joint_state(&JointSample { t: now, q: self.at })?)
     }
 
     fn take_warnings(&mut self) {

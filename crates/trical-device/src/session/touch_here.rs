@@ -77,7 +77,7 @@ impl Session<'_> {
         let entry = PlanEntry { index, ball, joints: at, via: Vec::new() };
         let mut options = self.settings.options(self.robot, self.cell);
         options.go = true;
-        options.begin_t = log.last_t();
+        options.begin_t = self.goes_on_at(log, watch);
         let mut found = None;
         let mut note = |p: Progress| {
             if let Progress::Measured { row, .. } = &p {

@@ -23,6 +23,8 @@ pub struct Robot {
     pub never_answers: bool,
     /// Moves on, whatever it is told.
     pub creeps: bool,
+    /// Requests whose path holds this get status 503, once each, though what they ask for is done (true).
+    pub bad: Vec<(&'static str, bool)>,
     /// How often the program was stopped.
     pub stopped: u32,
     /// Sessions that were begun, by their cookie.
@@ -153,7 +155,16 @@ pub fn serve(stream: impl Read + Write, robot: &Mutex<Robot>) -> std::io::Result
             } else {
                 assert!(cookie.contains("ABBCX=7"), "{cookie}");
             }
-            robot.handle(&method, &path, &body)
+            let bad = robot.bad.iter().position(|(part, _)| path.contains(part));
+            match bad.map(|k| robot.bad.remove(k).1) {
+                None => robot.handle(&method, &path, &body),
+                Some(done) => {
+                    if done {
+                        robot.handle(&method, &path, &body);
+                    }
+                    (503, "busy".to_owned())
+                }
+            }
         } else {
             robot.unauthorized += 1;
             more = format!(

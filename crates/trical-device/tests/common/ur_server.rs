@@ -19,6 +19,8 @@ pub struct Robot {
     pub creeps: bool,
     /// Sends no data.
     pub silent: bool,
+    /// Closes the connection for data.
+    pub closes: bool,
     pub types: &'static str,
 }
 
@@ -56,6 +58,9 @@ fn data(mut stream: TcpStream, robot: &Mutex<Robot>) -> Option<()> {
         let mut content = vec![7];
         {
             let mut robot = robot.lock().unwrap();
+            if robot.closes {
+                return None;
+            }
             if robot.silent {
                 drop(robot);
                 std::thread::sleep(Duration::from_millis(2));
@@ -114,6 +119,7 @@ pub fn server() -> (UrSettings, Arc<Mutex<Robot>>) {
         ignores: false,
         creeps: false,
         silent: false,
+        closes: false,
         types: rtde::TYPES,
     }));
     let ports = [true, false].map(|is_data| {

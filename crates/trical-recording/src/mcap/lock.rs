@@ -60,7 +60,7 @@ pub(super) fn begin_beside(path: &Path) -> Result<Locked, RecordError> {
         return Err(wrong("found a link, a folder or a device"));
     }
     let mut options = OpenOptions::new();
-    options.write(true).create(true).truncate(false);
+    options.read(true).write(true).create(true).truncate(false);
     #[cfg(unix)]
     {
         use nix::fcntl::OFlag;
@@ -87,14 +87,14 @@ fn lock(file: File, path: &Path) -> Result<Locked, RecordError> {
 
 /// Whether a path leads to this very file.
 #[cfg(unix)]
-fn is_at(file: &File, path: &Path) -> bool {
+pub(super) fn is_at(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
     let same = |a: std::fs::Metadata, b: std::fs::Metadata| (a.dev(), a.ino()) == (b.dev(), b.ino());
     file.metadata().and_then(|ours| path.symlink_metadata().map(|theirs| same(ours, theirs))).unwrap_or(false)
 }
 
 #[cfg(not(unix))]
-fn is_at(_: &File, path: &Path) -> bool {
+pub(super) fn is_at(_: &File, path: &Path) -> bool {
     path.is_file()
 }
 

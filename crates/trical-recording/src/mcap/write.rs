@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::BufWriter;
+use std::io::{BufWriter, Seek};
 use std::path::{Path, PathBuf};
 
 use mcap::records::{MessageHeader, Metadata};
 use trical_model::recording::{Recording, Row};
 
 use super::cdr::{self, JointState};
-use super::lock::{Locked, begin_beside, lock_existing, temporary_beside};
+use super::lock::{Locked, begin_beside, is_at, lock_existing, temporary_beside};
 use super::read::{interpret, read_raw};
 use super::walk::{RawFile, RawMessage};
 use super::{Header, ReadRecording, RunLog, schema};
@@ -36,6 +36,8 @@ pub struct RecordingWriter {
     channels: Channels,
     sequences: BTreeMap<u16, u32>,
     last_t: f64,
+    /// Whether what was written is in another file now.
+    rescued: bool,
 }
 
 struct Channels {
@@ -101,6 +103,37 @@ fn write_attachments(mcap: &mut Mcap, header: &Header, before: Option<&RawFile>)
     })
 }
 
+/// Says whether a recording may be taken up, and writes nothing.
+///
+/// # Errors
+/// As of [`RecordingWriter::resume`].
+pub fn check_same(path: &Path, header: &Header) -> Result<(), RecordError> {
+    read_same(path, header).map(|_| ())
+}
+
+/// A recording that was made with the same robot, cell, plan and joints.
+fn read_same(path: &Path, header: &Header) -> Result<(RawFile, ReadRecording), RecordError> {
+    let raw = read_raw(path)?;
+    let read = interpret(path, &raw)?;
+    let different = |what: &str| RecordError::Different { path: path.to_owned(), what: what.to_owned() };
+    for ours in &header.attachments {
+        if read.attachments.iter().any(|theirs| theirs.name == ours.name && theirs.data != ours.data) {
+            return Err(different(&ours.name));
+        }
+    }
+    let plan = read.metadata.get("trical").and_then(|settings| settings.get(PLAN));
+    if !raw.messages.is_empty() && plan != header.plan_sha256.as_ref() {
+        return Err(different("plan, or does not say with which"));
+    }
+    if !read.recording.rows.is_empty() && read.recording.joints != header.joint_names.len() {
+        return Err(different("number of joints"));
+    }
+    if read.recording.prismatic.is_some_and(|slides| !read.recording.rows.is_empty() && slides != header.prismatic) {
+        return Err(different("unit of a joint"));
+    }
+    Ok((raw, read))
+}
+
 impl RecordingWriter {
     /// Begins a recording in a new file.
     ///
@@ -129,25 +162,7 @@ impl RecordingWriter {
         }
         // until the new file has its name
         let _old = lock_existing(path)?;
-        let raw = read_raw(path)?;
-        let read = interpret(path, &raw)?;
-        let different = |what: &str| RecordError::Different { path: path.to_owned(), what: what.to_owned() };
-        for ours in &header.attachments {
-            if read.attachments.iter().any(|theirs| theirs.name == ours.name && theirs.data != ours.data) {
-                return Err(different(&ours.name));
-            }
-        }
-        let plan = read.metadata.get("trical").and_then(|settings| settings.get(PLAN));
-        if !raw.messages.is_empty() && plan != header.plan_sha256.as_ref() {
-            return Err(different("plan, or does not say with which"));
-        }
-        if !read.recording.rows.is_empty() && read.recording.joints != header.joint_names.len() {
-            return Err(different("number of joints"));
-        }
-        if read.recording.prismatic.is_some_and(|slides| !read.recording.rows.is_empty() && slides != header.prismatic)
-        {
-            return Err(different("unit of a joint"));
-        }
+        let (raw, read) = read_same(path, header)?;
         // a file that was cut before its first message says nothing of when it began either
         if raw.messages.is_empty() {
             return Ok((Self::begin(path, header, None)?, Some(read)));
@@ -212,6 +227,7 @@ impl RecordingWriter {
             channels,
             sequences: BTreeMap::new(),
             last_t: 0.0,
+            rescued: false,
         };
         if let Some((id, data)) = description {
             writer.message(id, 0.0, &data)?;
@@ -247,11 +263,38 @@ impl RecordingWriter {
         self.last_t
     }
 
+    /// When the recording began, in ns since 1970.
+    #[must_use]
+    pub fn start_ns(&self) -> u64 {
+        self.start_ns
+    }
+
     /// Writes the index and ends the file.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// The file cannot be written, or has no name any more.
     pub fn finish(mut self) -> Result<(), RecordError> {
+        self.end()?;
+        self.check_there()
+    }
+
+    /// What is written into a file that was removed is lost when it is closed: it is written again.
+    fn check_there(&mut self) -> Result<(), RecordError> {
+        let path = behind_links(&self.path).unwrap_or_else(|_| self.path.clone());
+        if self.rescued || is_at(&self.file, &path) {
+            return Ok(());
+        }
+        let to = if path.exists() { temporary_beside(&path) } else { path.clone() };
+        let mut file: &File = &self.file;
+        let copied = file.rewind().and_then(|()| File::create_new(&to)).and_then(|mut copy| {
+            std::io::copy(&mut file, &mut copy)?;
+            copy.sync_all()
+        });
+        self.rescued = copied.is_ok();
+        Err(RecordError::Removed { path, saved: copied.map(|()| to) })
+    }
+
+    fn end(&mut self) -> Result<(), RecordError> {
         self.mcap.finish().map_err(RecordError::mcap(&self.path))?;
         self.file.sync_all().map_err(RecordError::io(&self.path, "write to the disk"))
     }
@@ -313,7 +356,8 @@ impl RunLog for RecordingWriter {
         // what the recording holds stands in the order of time; published is when it was measured, though it is accepted later
         let measured = row.state.t.unwrap_or(self.last_t);
         self.published(self.channels.measurement, self.last_t.max(measured), measured, text.as_bytes())?;
-        self.sync()
+        self.sync()?;
+        self.check_there()
     }
 }
 
@@ -333,7 +377,8 @@ pub fn write_recording(path: &Path, recording: &Recording, header: &Header) -> R
         }
         // a recording that another program writes is not replaced
         let _old = lock_existing(path)?;
-        writer.finish()?;
+        writer.end()?;
+        drop(writer);
         publish(path)
     };
     // nothing was measured in the file beside

@@ -48,8 +48,10 @@ impl Person {
     pub fn listen(interrupt: &Interrupt) -> Result<Self> {
         let (tell, lines) = channel();
         let read = move || {
-            for line in std::io::stdin().lock().lines() {
-                if tell.send(line).is_err() {
+            // a byte that is no text is not understood, like any other word
+            let text = |line: Vec<u8>| String::from_utf8_lossy(&line).into_owned();
+            for line in std::io::stdin().lock().split(b'\n') {
+                if tell.send(line.map(text)).is_err() {
                     return;
                 }
             }

@@ -14,6 +14,8 @@ pub struct Kept {
     pub step: usize,
     /// What the gauge shows on the calibrator, m; `None` where its readings are taken as they come.
     pub zero: Option<[f64; 3]>,
+    /// Touches for tool point and world frame count that were made after this time of their recording, s: with this mastering.
+    pub since: f64,
 }
 
 /// A file beside a recording: run.mcap has run.cell.toml.
@@ -50,12 +52,13 @@ impl Kept {
                 Some(zero.map(|v| v * 1e-3))
             }
         };
-        Ok(Self { step, zero })
+        Ok(Self { step, zero, since: value["touches_after_s"].as_f64().unwrap_or(0.0) })
     }
 
     /// Writes it.
     pub fn save(&self, out: &Path) -> Result<()> {
-        let value = json!({ "steps_done": self.step, "zero_mm": self.zero.map(|zero| zero.map(|v| v * 1e3)) });
+        let zero = self.zero.map(|zero| zero.map(|v| v * 1e3));
+        let value = json!({ "steps_done": self.step, "zero_mm": zero, "touches_after_s": self.since });
         let text = serde_json::to_string_pretty(&value)?;
         Ok(write_whole(&Self::file(out), format!("{text}\n").as_bytes())?)
     }
@@ -71,7 +74,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("run.mcap");
         assert_eq!(Kept::load(&out).unwrap(), Kept::default());
-        let kept = Kept { step: 6, zero: Some([0.5e-3, -0.25e-3, 0.0]) };
+        let kept = Kept { step: 6, zero: Some([0.5e-3, -0.25e-3, 0.0]), since: 12.5 };
         kept.save(&out).unwrap();
         assert_eq!(Kept::load(&out).unwrap(), kept);
         std::fs::write(Kept::file(&out), r#"{"steps_done": 2, "zero_mm": [1, 2]}"#).unwrap();

@@ -10,6 +10,10 @@ pub(super) const FOUND: f64 = 0.9;
 /// arm differs from poses to poses, and among many measurements passes for a change.
 pub(super) const SHARE: f64 = 0.35;
 
+/// What an explanation adds to those that were taken is this share of it at least, or it is no other one: a joint's zero may be all but the tool's
+/// turn about the same axis, and would come out at hundreds of degrees.
+pub(super) const NEW_SHARE: f64 = 0.01;
+
 /// Of more measurements than this some stand for all: they tell more than enough.
 pub(super) const MEASUREMENTS: usize = 240;
 

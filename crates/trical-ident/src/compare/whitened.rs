@@ -6,6 +6,7 @@ use faer::{Mat, Par, Side};
 use trical_model::Forward;
 
 use super::explanation::{Explained, Explanation};
+use super::settings::NEW_SHARE;
 use crate::dataset::Dataset;
 use crate::error::{IdentError, Result};
 use crate::fit::check_observations;
@@ -43,7 +44,7 @@ pub(super) fn extend(basis: &mut Vec<Vec<f64>>, columns: &[Vec<f64>]) -> usize {
         let mut v = c.clone();
         project_out(&mut v, basis);
         let left = dot(&v, &v).sqrt();
-        if left > 1e-6 * whole && whole > 0.0 {
+        if left > NEW_SHARE * whole && whole > 0.0 {
             v.iter_mut().for_each(|x| *x /= left);
             basis.push(v);
         }
@@ -148,5 +149,18 @@ impl Linearized {
             at += n;
         }
         Ok(Self { jacobian, residual, spans })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::extend;
+
+    #[test]
+    fn what_is_all_but_said_by_others_is_no_other_direction() {
+        let mut basis = Vec::new();
+        assert_eq!(extend(&mut basis, &[vec![3.0, 0.0]]), 1);
+        assert_eq!(extend(&mut basis, &[vec![1.0, 0.005]]), 0);
+        assert_eq!(extend(&mut basis, &[vec![1.0, 0.05]]), 1);
     }
 }

@@ -368,12 +368,13 @@ mod tests {
             let term = Term::new("c_6", "compliance", Site::Joint { joint: 6 }, basis);
             Term { value: -0.01, sd: Some(sd), ..term }
         };
-        model.terms[0] = soft(1e-3);
+        let before = std::mem::replace(&mut model.terms[0], soft(1e-3));
         assert!(
             cautions(&model, 135, 31)[0].starts_with("c_6 comes out at -0.57 deg/Nm, and no joint gives way like that")
         );
         model.terms[0] = soft(1e-2);
         assert!(cautions(&model, 135, 31).is_empty());
+        model.terms[0] = before;
         // a plate that leans, in the second session
         let about_x = Site::Fixture(Motion::About(Axis::X));
         let of_two = |deg: f64| Term {

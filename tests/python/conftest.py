@@ -9,7 +9,8 @@ ROOT = Path(__file__).resolve().parents[2]
 SHARED = ROOT.parent / "shared" / "data"
 
 # the one that `cargo test` builds, which checks for overflow; TRICAL_PROGRAM names another, such as one to be released
-PROGRAM = Path(os.environ.get("TRICAL_PROGRAM", ROOT / "target" / "debug" / "trical")).absolute()
+BUILT = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "debug" / "trical"
+PROGRAM = Path(os.environ.get("TRICAL_PROGRAM", BUILT)).absolute()
 
 
 def program() -> Path:

@@ -2,7 +2,7 @@
 //! changed. Effects ask this before they ask the residual.
 
 use trical_ident::dataset::{Dataset, Observation};
-use trical_model::{Basis, Forward, Measured, Model, Shape, Site, State, Term, Variable};
+use trical_model::{Basis, Forward, Measured, Model, Shape, State, Variable};
 
 use crate::settings::{
     CHANGE_POINTS, NO_LOAD_NM, NULLED_WITHIN_M, READING_SPREAD, SECONDS_PER_TOUCH, SMALL_ARM_LOAD_NM, WARM_UP_PARTS,
@@ -212,7 +212,7 @@ impl<'a> Covariates<'a> {
     /// How far a joint gives way, rad/Nm: as it was fitted, but no less than a stiff joint of an arm of this strength does.
     #[must_use]
     pub fn compliance(&self, joint: usize) -> f64 {
-        let fitted = self.model.terms.iter().find(|t| gives_way(t) == Some(joint));
+        let fitted = self.model.terms.iter().find(|t| t.gives_way() == Some(joint));
         fitted.map_or(0.0, |t| t.value.abs()).max(3e-5 / self.strength())
     }
 }
@@ -224,15 +224,6 @@ fn seen_frames(data: &Dataset) -> Vec<usize> {
     frames.sort_unstable();
     frames.dedup();
     frames
-}
-
-/// The joint of which a term is the compliance about its axis.
-#[must_use]
-pub fn gives_way(term: &Term) -> Option<usize> {
-    match term.site {
-        Site::Joint { joint } if term.basis == Basis::torque(joint, Shape::Linear) => Some(joint),
-        _ => None,
-    }
 }
 
 fn clocks(data: &Dataset, order: Option<Variable>) -> Vec<Clock> {

@@ -5,6 +5,7 @@
 use faer::Mat;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use trical_ident::triangle::dot;
 use trical_model::{Shape, Term};
 
 use crate::candidate::cycles_of;
@@ -55,7 +56,6 @@ pub(crate) fn p_value(waves: &[&Term], angles: &[f64]) -> f64 {
 
 /// What is left of values beside some that are orthogonal to each other.
 fn without(known: &[&Vec<f64>], mut values: Vec<f64>) -> Vec<f64> {
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
     for own in known {
         let share = dot(own, &values) / dot(own, own).max(f64::MIN_POSITIVE);
         values.iter_mut().zip(own.iter()).for_each(|(v, x)| *v -= share * x);

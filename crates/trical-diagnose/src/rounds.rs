@@ -28,7 +28,7 @@ use trical_model::{Cell, Measured, Model, Place, Robot, Site, Task, Term};
 use crate::candidate::Candidate;
 use crate::catalogue::{Untestable, catalogue, device_orientation, reading_noise};
 use crate::correlated_noise::CorrelatedNoise;
-use crate::covariates::{Covariates, gives_way};
+use crate::covariates::Covariates;
 use crate::effect_id::{Cause, EffectId};
 use crate::halves::Halves;
 use crate::linear::{Design, Fitted};
@@ -145,7 +145,7 @@ impl Rounds {
         // an effect of the load times a compliance could be anything, were the compliance so
         let is_lax = |k: &Known| k.prior.is_none_or(|p| p.value == 0.0 && p.sd > SOFTEST);
         for (t, k) in fitted.model.terms.iter().zip(&mut known) {
-            if gives_way(t).is_some() && is_lax(k) {
+            if t.gives_way().is_some() && is_lax(k) {
                 k.prior = Known::about_zero(SOFTEST).prior;
             }
         }
@@ -203,7 +203,7 @@ impl Rounds {
     /// added: a baseline without the effect has taken up some of it.
     fn resize(&mut self) {
         let mut model = self.fitted.model.clone();
-        for t in model.terms.iter_mut().filter(|t| gives_way(t).is_some()) {
+        for t in model.terms.iter_mut().filter(|t| t.gives_way().is_some()) {
             t.value = t.value.abs() + t.sd.unwrap_or(0.0);
         }
         let soft = EffectId::NonlinearStiffness.effect();

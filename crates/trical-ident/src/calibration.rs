@@ -213,6 +213,8 @@ pub struct Calibration {
     pub loads: Vec<TorqueLoad>,
     /// How files that were read in passes were read: rows that were left out.
     pub notes: Vec<String>,
+    /// What to look at where readings are not what their columns say.
+    pub read_otherwise: Option<String>,
 }
 
 impl Calibration {
@@ -222,7 +224,7 @@ impl Calibration {
         let f = &self.fitted;
         let mut out = no_arm(self.errors.mean_mm, self.orientation.as_ref().map(|[_, after]| after.mean_deg));
         out.extend(cautions(&f.model, f.observability.rows, f.free.len()));
-        out.extend(read_otherwise(f));
+        out.extend(self.read_otherwise.clone());
         out.extend(beyond_limits(&f.model.robot, &f.data));
         if self.tried.iter().any(|t| t.kept && t.added.contains("sag")) {
             out.push(EVEN_MASSES.into());
@@ -435,6 +437,7 @@ pub fn calibrate(
         distances,
         tried,
         loads: torque_loads(robot, cell, &data)?,
+        read_otherwise: read_otherwise(&fitted),
         fitted,
     })
 }
@@ -484,6 +487,7 @@ pub fn calibrate_stream(
         distances: Vec::new(),
         tried: Vec::new(),
         loads: Vec::new(),
+        read_otherwise: read_otherwise(&streamed.identified),
         fitted: streamed.identified,
     })
 }

@@ -1,6 +1,6 @@
 //! What about a fit should make its owner look twice, though nothing is wrong with the arithmetic.
 
-use trical_model::{Axis, Basis, JointKind, Measured, Model, Motion, Parameter, Robot, Shape, Site, Term, Variable};
+use trical_model::{Axis, Basis, JointKind, Measured, Model, Motion, Parameter, Robot, Site, Term, Variable};
 
 use crate::dataset::Dataset;
 use crate::degenerate::hardly_moving;
@@ -137,10 +137,8 @@ pub fn cautions(model: &Model, rows: usize, parameters: usize) -> Vec<String> {
 
 /// What to say of a joint that gives way as none does: its compliance has taken up something else.
 fn too_soft(model: &Model) -> Option<String> {
-    let is_compliance =
-        |t: &&Term| matches!(t.site, Site::Joint { joint } if t.basis == Basis::torque(joint, Shape::Linear));
     let is_sure = |t: &&Term| t.value.abs() > SOFTEST && t.sd.is_some_and(|sd| t.value.abs() > 3.0 * sd);
-    let t = model.terms.iter().filter(is_compliance).find(is_sure)?;
+    let t = model.terms.iter().filter(|t| t.gives_way().is_some()).find(is_sure)?;
     Some(format!(
         "{} comes out at {:.2} deg/Nm, and no joint gives way like that: something at the tool that changes with how it leans (a loose \
          flange or device) looks like it",
@@ -306,7 +304,7 @@ pub fn too_many(parameters: f64, fitted: usize, folds: &crate::folds::Folds) -> 
 mod tests {
     #![allow(clippy::unwrap_used)]
 
-    use trical_model::{Cell, Robot, Term};
+    use trical_model::{Cell, Robot, Shape, Term};
 
     use super::*;
 

@@ -26,22 +26,20 @@ pub fn read_otherwise(fitted: &Identified) -> Option<String> {
         Measured::Touch { reading, .. } => reading.iter().any(|r| r.abs() > LARGE_READING),
         _ => false,
     };
+    if !fitted.data.observations.iter().any(|o| is_large(&o.measured)) {
+        return None;
+    }
     let before = ErrorSummary::of(&fitted.errors().ok()?).rms_mm;
-    if before < MUCH_MM || !fitted.data.observations.iter().any(|o| is_large(&o.measured)) {
+    if before < MUCH_MM {
         return None;
     }
     let mut model = fitted.model.clone();
-    let mut free = fitted.free.clone();
     // a share of each reading that was taken for noise is one of these numbers
     let is_reading = |t: &Term| matches!(t.basis.of, Variable::Reading { .. });
     model.terms.iter_mut().filter(|t| is_reading(t)).for_each(|t| t.value = 0.0);
-    let mut known = fitted.known.clone();
-    known.truncate(free.len());
-    known.resize(free.len(), Known::NOTHING);
-    let kept: Vec<bool> = free.iter().map(|k| !is_reading(&model.terms[*k])).collect();
-    let mut at = kept.iter();
-    known.retain(|_| at.next().is_some_and(|k| *k));
-    free.retain(|k| !is_reading(&model.terms[*k]));
+    let known = fitted.known.iter().copied().chain(std::iter::repeat(Known::NOTHING));
+    let (mut free, known): (Vec<usize>, Vec<Known>) =
+        fitted.free.iter().copied().zip(known).filter(|(k, _)| !is_reading(&model.terms[*k])).unzip();
     let first = model.terms.len();
     for (along, of) in Axis::ALL.iter().flat_map(|along| Axis::ALL.iter().map(move |of| (along, of))) {
         let basis = Basis::new(Variable::Reading { axis: *of }, Shape::Linear);

@@ -180,6 +180,15 @@ impl Term {
     pub fn does_as(&self, other: &Self) -> bool {
         self.effect == other.effect && self.site == other.site && self.basis == other.basis
     }
+
+    /// The joint (from 1) of which this is the compliance about its axis.
+    #[must_use]
+    pub fn gives_way(&self) -> Option<usize> {
+        match self.site {
+            Site::Joint { joint } if self.basis == Basis::torque(joint, Shape::Linear) => Some(joint),
+            _ => None,
+        }
+    }
 }
 
 /// What a site consists of, after `Across`, `AllJoints` and `Links` are resolved. Indices are 0-based.

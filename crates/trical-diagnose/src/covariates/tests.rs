@@ -1,8 +1,9 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+use trical_model::{Joints, Site, Term};
+
 use super::*;
 use crate::test_data::{arm, states, touches};
-use trical_model::Joints;
 
 fn swing(k: f64) -> State {
     State::at(&[0.1 * k, 0.2, -0.3, 0.4, 0.5, 0.6])

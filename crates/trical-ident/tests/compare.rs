@@ -242,6 +242,20 @@ fn one_wrong_touch_is_told_as_that() {
 }
 
 #[test]
+fn one_touch_among_many_is_wrong_where_it_is_far_beyond_the_others_and_not_where_a_calibration_may_lack_as_much() {
+    let truth = truth();
+    let file = calibrated(&truth);
+    let told = |off: f64| {
+        let mut recording = crate::arm::touch(&truth, 50, NOISE, 98);
+        if let trical_model::Measured::Touch { reading, .. } = &mut recording.rows[4].measured {
+            reading[1] += off;
+        }
+        compare(&truth.cell, &file, &recording, None).unwrap().verdict
+    };
+    assert_eq!([told(-6.5 * NOISE), told(-10.0 * NOISE)], ["unchanged", "wrong touches"]);
+}
+
+#[test]
 fn a_model_without_its_uncertainty_and_its_own_recording_are_refused() {
     let truth = truth();
     let mut file = calibrated(&truth);

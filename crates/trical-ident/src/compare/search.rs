@@ -3,7 +3,7 @@
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::result::Change;
-use super::settings::{CHANGES, FALSE_ALARMS, SHARE};
+use super::settings::{CHANGES, FALSE_ALARMS, SHARE, TAILS};
 use super::size::sizes;
 use super::whitened::{Whitened, extend, project_out};
 use crate::triangle::dot;
@@ -73,7 +73,9 @@ fn tried(whitened: &Whitened<'_>, basis: &[Vec<f64>], taken: &[usize]) -> Vec<Tr
         let mut with = basis.to_vec();
         let rank = if taken.contains(&k) { 0 } else { extend(&mut with, columns) };
         let square: f64 = with[basis.len()..].iter().map(|q| dot(q, &left).powi(2)).sum();
-        let statistic = square / whitened.more_noise;
+        let scaled = square / whitened.more_noise;
+        let of_machine = whitened.explained.explanations[k].is_of_machine();
+        let statistic = if of_machine { scaled } else { (TAILS + rank as f64) * (scaled / TAILS).ln_1p() };
         Tried { statistic, rank, evidence: evidence(statistic, rank) }
     };
     whitened.columns.iter().enumerate().map(one).collect()

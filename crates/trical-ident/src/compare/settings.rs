@@ -20,6 +20,10 @@ pub(super) const MEASUREMENTS: usize = 240;
 /// One measurement among more than this is not tried as a wrong one: many small ones would be.
 pub(super) const FEW: usize = 60;
 
+/// Degrees of freedom of Student's t that single measurements follow: what a calibration lacks of the arm is several times larger at some
+/// places than at most others, so that its errors have longer tails than those of an instrument.
+pub(super) const TAILS: f64 = 8.0;
+
 /// Most changes that are looked for.
 pub(super) const CHANGES: usize = 4;
 

@@ -130,7 +130,7 @@ pub fn recordings(paths: &[PathBuf], robot: &Robot) -> Result<Vec<Recording>> {
 
 /// Reads one recording, CSV or MCAP. A damaged MCAP is refused.
 pub fn recording(path: &Path, robot: &Robot) -> Result<Recording> {
-    let recording = trical_recording::open(path, Some(robot.dof()))?;
+    let recording = trical_recording::open(path, robot)?;
     refuse_other_units(&recording, robot)?;
     for note in &recording.notes {
         eprintln!("note: {note}");

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use thiserror::Error;
 use trical_model::{JointKind, Joints, MAX_JOINTS, Robot};
+use trical_recording::Expected;
 use trical_recording::mcap::joint_order;
 
 /// A sample has to come within this.
@@ -75,6 +76,8 @@ pub enum FeedError {
 pub struct JointFeed {
     path: PathBuf,
     kinds: Vec<JointKind>,
+    /// What the arm's description calls them.
+    names: Vec<String>,
     /// Columns of a CSV: where each joint stands and its factor to SI; nothing where it is a topic.
     columns: Option<Vec<(usize, f64)>>,
     /// The names of a message's joints, once one was seen, and where each joint of the arm stands among them.
@@ -89,7 +92,8 @@ impl JointFeed {
     /// It cannot be read; it is a CSV without a column for every joint.
     pub fn open(path: &Path, robot: &Robot) -> Result<Self, FeedError> {
         let kinds: Vec<JointKind> = robot.joints.iter().map(|j| j.kind).collect();
-        let mut feed = Self { path: path.to_owned(), kinds, columns: None, order: None, notes: Vec::new() };
+        let names = robot.joint_names.clone();
+        let mut feed = Self { path: path.to_owned(), kinds, names, columns: None, order: None, notes: Vec::new() };
         feed.look_for_columns()?;
         Ok(feed)
     }
@@ -208,7 +212,7 @@ impl JointFeed {
             };
             // another order, or another publisher (a gripper) between
             if self.order.as_ref().is_none_or(|(of, _)| *of != names) {
-                let found = joint_order(&names, Some(self.kinds.len()));
+                let found = joint_order(&names, Expected { joints: Some(self.kinds.len()), names: &self.names });
                 // joints of the arm were seen before: this message has none of it, or not all
                 if found.is_err() && self.order.is_some() {
                     continue;

@@ -181,9 +181,11 @@ impl Rounds {
             nuisances,
             fitted,
         };
-        if let Some(term) =
-            device_orientation(&Covariates::new(&rounds.fitted.model, &rounds.all, sigma).deflected(deflected))
-        {
+        let turned =
+            device_orientation(&Covariates::new(&rounds.fitted.model, &rounds.all, sigma).deflected(deflected));
+        // where poses were measured, too, the tool's direction is known
+        let is_known = |t: &Term| rounds.fitted.model.terms.iter().any(|m| m.site == t.site && m.basis == t.basis);
+        if let Some(term) = turned.filter(|t| !is_known(t)) {
             rounds.add_to_baseline(vec![term])?;
         }
         rounds.fit_reading_noise()?;

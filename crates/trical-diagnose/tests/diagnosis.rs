@@ -4,7 +4,9 @@ use crate::arm::{build, touch, touch_in_sockets, truth};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use trical_diagnose::{Diagnosis, EffectId, Options, diagnose};
-use trical_ident::{Dataset, ErrorSummary, JointSource, KnownParameters, ParameterSet, identify};
+use trical_ident::{
+    Aim, Dataset, ErrorSummary, JointSource, KnownParameters, ParameterSet, Scatter, identify, simulate,
+};
 use trical_model::{Basis, Cell, Forward, Measured, Model, Place, Pose, Recording, Site, Task, Term};
 
 /// The truth with one more term, which the baseline does not have.
@@ -130,6 +132,18 @@ fn a_joint_whose_zero_differs_between_sessions_is_told_as_of_one_of_them_and_of_
     assert!((size.abs() - 1e-3_f64.to_degrees()).abs() < 2e-3, "{size}");
     let (session, size, undecided, _) = sessions(&[&model, &other, &model]);
     assert!(session == Some(2) && !undecided && (size - 1e-3_f64.to_degrees()).abs() < 2e-3, "{session:?} {size}");
+}
+
+#[test]
+fn touches_and_full_poses_of_one_arm_are_diagnosed_together() {
+    let mut model = truth(ParameterSet::Compliance, 47);
+    let touched = touch(&model, 80, 8e-6, 48);
+    model.frames = vec![trical_model::Pose::identity()];
+    let poses: Vec<_> = touch(&model, 80, 0.0, 49).rows.iter().map(|r| (r.state, Aim::Pose)).collect();
+    let seen = simulate(&model, &poses, &Scatter { length: 1e-5, angle: 5e-5, seed: 50 }, None).unwrap();
+    let data = Dataset::build(&[touched, seen], JointSource::Read, None).unwrap();
+    let d = diagnose(&model.robot, &model.cell, &data, &Options::default(), &Task::silent()).unwrap();
+    assert!(d.findings.is_empty() && d.after.holdout_rms_mm < 0.03, "{:?} {}", d.findings, d.after.holdout_rms_mm);
 }
 
 /// Three targets on the hand of an arm that stands on a rail of 6 m, seen by a tracker at 200 places.

@@ -131,6 +131,7 @@ pub fn name(data: &Dataset, place: BallPlace) -> String {
     match (named, data.names.len()) {
         (Some(named), 0 | 1) => named.clone(),
         (Some(named), _) => format!("{named} of {}", data.names[recording]),
+        (None, _) if data.places.get(recording).is_some_and(|p| !p.is_empty()) => "(no name)".into(),
         (None, _) => data.names.get(recording).cloned().unwrap_or_default(),
     }
 }

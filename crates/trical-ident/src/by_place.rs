@@ -19,6 +19,12 @@ use crate::rigid::median_point;
 /// Fewer places than this cannot choose: an arm that is identified from one says little of the next. All that is usual is then added.
 const PLACES: usize = 3;
 
+/// At fewer poses than this the place of the balls is not found from half of them.
+const POSES: usize = 4;
+
+/// A place whose errors are so many times those of the middle place is told: balls moved there, or some rows belong to another one.
+const BEYOND_OTHERS: f64 = 3.0;
+
 /// A richer model has to lower the mean error at places that it did not see by so much.
 const WORTH: f64 = 0.99;
 
@@ -42,6 +48,48 @@ pub struct ByPlace {
     pub errors: Vec<f64>,
     /// Distances between balls.
     pub distances: Vec<MeasuredDistance>,
+    /// What each place is like.
+    pub places: Vec<OfPlace>,
+}
+
+/// What the arm that the other places say is worth at one place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OfPlace {
+    /// Name of the place.
+    pub place: String,
+    /// How many poses were measured there.
+    pub poses: usize,
+    /// Line of the first of them.
+    pub line: usize,
+    /// Root of the mean square, mm; `None` where the poses are too few to find the place and to score it.
+    pub rms_mm: Option<f64>,
+}
+
+/// Places that make one look twice, in a sentence each: of one or two poses, and those whose rows disagree.
+#[must_use]
+pub fn doubtful_places(places: &[OfPlace]) -> Vec<String> {
+    let few = |p: &&OfPlace| p.rms_mm.is_none();
+    let alone = places.iter().filter(few).map(|p| {
+        format!(
+            "place {} has {} pose{}, the first in line {}: too few to find where the balls stood and to check it; is the name right?",
+            p.place,
+            p.poses,
+            if p.poses == 1 { "" } else { "s" },
+            p.line
+        )
+    });
+    let mut errors: Vec<f64> = places.iter().filter_map(|p| p.rms_mm).collect();
+    errors.sort_by(f64::total_cmp);
+    let middle = errors.get(errors.len().saturating_sub(1) / 2).copied().unwrap_or(0.0);
+    let disagree = places.iter().filter_map(|p| {
+        let rms = p.rms_mm.filter(|rms| errors.len() >= PLACES && *rms > BEYOND_OTHERS * middle)?;
+        Some(format!(
+            "by the arm that the other places say, measurements at place {} are off by {rms:.3} mm, at the middle place by {middle:.3} mm: did \
+             the balls move there, or have rows of it the wrong place or ball? What was measured after a move needs a name of its own",
+            p.place
+        ))
+    });
+    alone.chain(disagree).collect()
 }
 
 /// Physics beyond geometry that was tried because places are held out, and what it was worth.
@@ -65,7 +113,15 @@ pub fn score_places(cell: &Cell, data: &Dataset, fit: Fit<'_>) -> Result<ByPlace
     for place in places.iter().copied().filter(|_| places.len() > 1) {
         let others = fit(&data.filtered(|o| place_of(o) != Some(place)))?;
         let here = data.filtered(|o| place_of(o) == Some(place));
-        out.errors.extend(score_place(&others.model, &here, place)?);
+        let poses = here.used_poses().len();
+        let errors = if poses < POSES { Vec::new() } else { score_place(&others.model, &here, place)? };
+        out.places.push(OfPlace {
+            place: ball_places::name(data, place),
+            poses,
+            line: here.observations.first().map_or(0, |o| o.line),
+            rms_mm: (!errors.is_empty()).then(|| ErrorSummary::of(&errors).rms_mm),
+        });
+        out.errors.extend(errors);
         out.distances.extend(distances(&others.model, &here, place)?);
     }
     Ok(out)
@@ -157,4 +213,24 @@ pub fn choose(
     tried[best].kept = true;
     let (_, robot, choice) = candidates.swap_remove(best);
     Ok((robot.clone(), choice, tried))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_place_whose_rows_disagree_and_one_of_few_poses_are_told() {
+        let of =
+            |place: &str, poses: usize, rms_mm: Option<f64>| OfPlace { place: place.into(), poses, line: 7, rms_mm };
+        let usual = [of("a", 20, Some(0.2)), of("b", 20, Some(0.3)), of("c", 20, Some(0.5))];
+        assert!(doubtful_places(&usual).is_empty());
+        let moved = [&usual[..2], &[of("c", 20, Some(0.7)), of("d", 20, Some(1.2))]].concat();
+        let said = doubtful_places(&moved);
+        assert!(said.len() == 1 && said[0].contains("at place d are off by 1.200 mm"), "{said:?}");
+        // of two places nothing tells which
+        assert!(doubtful_places(&[of("a", 20, Some(0.2)), of("b", 20, Some(1.3))]).is_empty());
+        let said = doubtful_places(&[&usual[..], &[of("lfet", 1, None)]].concat());
+        assert!(said.len() == 1 && said[0].starts_with("place lfet has 1 pose, the first in line 7"), "{said:?}");
+    }
 }

@@ -6,7 +6,7 @@ use trical_model::{Cell, Model, Motion, Recording, Robot, Site, Task};
 use trical_recording::CsvStream;
 
 use crate::ball_places::{place_of, unknown_places};
-use crate::by_place::{MeasuredDistance, TriedByPlace, choose, score_places};
+use crate::by_place::{ByPlace, MeasuredDistance, OfPlace, TriedByPlace, choose, doubtful_places, score_places};
 use crate::caution::{
     EVEN_MASSES, beyond_limits, cautions, coincident, held, near_nominal, no_arm, too_many, which_target,
     without_masses,
@@ -207,6 +207,8 @@ pub struct Calibration {
     pub sessions: Vec<SessionSetup>,
     /// Distances between balls at each unknown place, by the arm that the other places say.
     pub distances: Vec<MeasuredDistance>,
+    /// What each unknown place is like by that arm.
+    pub places: Vec<OfPlace>,
     /// Physics that was tried at places held out.
     pub tried: Vec<TriedByPlace>,
     /// What each session carries beside the first, by measured joint torques.
@@ -236,6 +238,7 @@ impl Calibration {
         }
         out.extend(which_target(&f.data, f.model.cell.tool.targets.len()));
         out.extend(coincident(&f.model.robot));
+        out.extend(doubtful_places(&self.places));
         out.extend(held(&f.model.robot, &f.data, &f.held()));
         out.extend(near_nominal(&f.kept_near_nominal()));
         out.extend(self.notes.iter().cloned());
@@ -409,10 +412,10 @@ pub fn calibrate(
         .folds
         .map(|k| cross_validate(robot, cell, &data, choice.clone(), k).map(|e| (k, ErrorSummary::of(&e))))
         .transpose()?;
-    let (held_out, distances) = if data.observations.len() <= SCORED {
+    let (held_out, at_places) = if data.observations.len() <= SCORED {
         held_out(robot, cell, &data, &folds, &choice, task)?
     } else {
-        (HeldOut::default(), Vec::new())
+        (HeldOut::default(), ByPlace::default())
     };
     task.step(1.0, "done")?;
     Ok(Calibration {
@@ -434,7 +437,8 @@ pub fn calibrate(
         passes: None,
         notes: Vec::new(),
         sessions: session_setups(&fitted),
-        distances,
+        distances: at_places.distances,
+        places: at_places.places,
         tried,
         loads: torque_loads(robot, cell, &data)?,
         read_otherwise: read_otherwise(&fitted),
@@ -485,6 +489,7 @@ pub fn calibrate_stream(
         notes: sample.recordings.into_iter().flat_map(|r| r.notes).collect(),
         sessions: Vec::new(),
         distances: Vec::new(),
+        places: Vec::new(),
         tried: Vec::new(),
         loads: Vec::new(),
         read_otherwise: read_otherwise(&streamed.identified),
@@ -633,7 +638,7 @@ fn held_out(
     folds: &Folds,
     choice: &Choice,
     task: &Task<'_>,
-) -> Result<(HeldOut, Vec<MeasuredDistance>)> {
+) -> Result<(HeldOut, ByPlace)> {
     let fit = |data: &Dataset| identify(robot, cell, data, choice.clone());
     let summary = |errors: Result<Vec<f64>>| errors.ok().filter(|e| !e.is_empty()).map(|e| ErrorSummary::of(&e));
     let by_pose = || -> Result<Vec<f64>> {
@@ -652,15 +657,19 @@ fn held_out(
     let by_session = (data.names.len() > 1).then(|| summary(score_sessions(data, &fit))).flatten();
     task.step(0.95, "scoring places")?;
     let places = score_places(cell, data, &fit).unwrap_or_default();
-    let by_place = summary(Ok(places.errors));
-    Ok((HeldOut { by_pose: pose, by_block: block, forward: later, by_session, by_place }, places.distances))
+    let by_place = summary(Ok(places.errors.clone()));
+    Ok((HeldOut { by_pose: pose, by_block: block, forward: later, by_session, by_place }, places))
 }
 
 /// Sessions that are left out together where there are more: as many fits.
 const SESSION_FOLDS: usize = 10;
 
+/// The least share of all measurements that others are scored by: a fit to fewer says what a short session is worth alone, and nothing of a fit to
+/// all.
+const LEARNT_SHARE: f64 = 0.25;
+
 /// Errors (m) of every session by a fit to others, of up to ten to all others; what is its own is identified from every fourth of its poses, the
-/// rest are scored.
+/// rest are scored. A session beside which the others are few is not scored.
 ///
 /// # Errors
 /// As the fit.
@@ -668,7 +677,11 @@ pub fn score_sessions(data: &Dataset, fit: Fit<'_>) -> Result<Vec<f64>> {
     let sessions = data.names.len();
     let mut errors = Vec::new();
     for fold in 0..sessions.min(SESSION_FOLDS) {
-        let others = fit(&data.filtered(|o| o.recording % SESSION_FOLDS != fold))?;
+        let others = data.filtered(|o| o.recording % SESSION_FOLDS != fold);
+        if (others.observations.len() as f64) < LEARNT_SHARE * data.observations.len() as f64 {
+            continue;
+        }
+        let others = fit(&others)?;
         for session in (fold..sessions).step_by(SESSION_FOLDS) {
             errors.extend(score_session(&others.model, &data.filtered(|o| o.recording == session))?);
         }

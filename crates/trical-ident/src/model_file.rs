@@ -38,6 +38,8 @@ pub struct Uncertainty {
     pub correlation: Vec<f64>,
     /// Standard deviation of each coordinate that was measured, about the model, m.
     pub noise: f64,
+    /// The same of each component of a measured rotation, rad; `None` where no pose was measured.
+    pub rotation_noise: Option<f64>,
     /// How far what happened in the course of the sessions moved a coordinate about its middle, root mean square, m: as much may happen,
     /// unforeseen, in the course of another one.
     pub course: f64,
@@ -57,8 +59,23 @@ impl Uncertainty {
         let noise = (square / scalars.saturating_sub(p).max(1) as f64).sqrt();
         let known = p <= CORRELATED && noise > 0.0 && correlation.iter().all(|c| c.is_finite());
         let names = fitted.free.iter().map(|k| fitted.model.terms[*k].name.clone()).collect();
-        known.then(|| Self { names, correlation, noise, course: of_course(fitted).unwrap_or(0.0) })
+        let rotation_noise = rotation_errors(fitted).ok().flatten().filter(|sd| *sd > 0.0);
+        known.then(|| Self { names, correlation, noise, rotation_noise, course: of_course(fitted).unwrap_or(0.0) })
     }
+}
+
+/// Root mean square of each component of a measured rotation about the model, rad; `None` where no pose was measured.
+fn rotation_errors(fitted: &Identified) -> Result<Option<f64>> {
+    let forward = Forward::new(fitted.model.clone(), Vec::new())?;
+    let (mut ws, mut square, mut count) = (forward.workspace(), 0.0, 0.0_f64);
+    for o in &fitted.data.observations {
+        let rows = forward.residual(&o.state, &o.measured, o.frame, &mut ws);
+        for turned in &ws.residual()[rows.min(3)..rows] {
+            square += turned * turned;
+            count += 1.0;
+        }
+    }
+    Ok((count > 0.0).then(|| (square / count).sqrt()))
 }
 
 /// How far what happened in the course of the sessions moved a coordinate, m ([`Uncertainty::course`]).
@@ -142,6 +159,9 @@ struct File {
 struct UncertaintyFile {
     /// Standard deviation of each coordinate about the model.
     noise_mm: f64,
+    /// The same of each component of a pose's rotation.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    noise_deg: Option<f64>,
     /// What happened in the course of the sessions, of each coordinate.
     #[serde(default)]
     course_mm: f64,
@@ -157,6 +177,7 @@ impl UncertaintyFile {
         let row = |i: usize| (0..i).map(|j| rounded(u.correlation[i * p + j])).collect();
         Self {
             noise_mm: u.noise * 1e3,
+            noise_deg: u.rotation_noise.map(f64::to_degrees),
             course_mm: u.course * 1e3,
             names: u.names.clone(),
             correlation: (0..p).map(row).collect(),
@@ -168,6 +189,7 @@ impl UncertaintyFile {
         let shaped = self.correlation.len() == p && self.correlation.iter().enumerate().all(|(i, row)| row.len() == i);
         let fine =
             self.correlation.iter().flatten().all(|c| c.abs() <= 1.0) && self.noise_mm > 0.0 && self.course_mm >= 0.0;
+        let fine = fine && self.noise_deg.is_none_or(|sd| sd > 0.0 && sd.is_finite());
         (shaped && fine && self.noise_mm.is_finite() && self.course_mm.is_finite()).then(|| {
             let at = |i: usize, j: usize| match i.cmp(&j) {
                 std::cmp::Ordering::Equal => 1.0,
@@ -175,7 +197,13 @@ impl UncertaintyFile {
                 std::cmp::Ordering::Less => self.correlation[j][i],
             };
             let correlation = (0..p * p).map(|k| at(k / p, k % p)).collect();
-            Uncertainty { correlation, noise: self.noise_mm * 1e-3, course: self.course_mm * 1e-3, names: self.names }
+            Uncertainty {
+                correlation,
+                noise: self.noise_mm * 1e-3,
+                rotation_noise: self.noise_deg.map(f64::to_radians),
+                course: self.course_mm * 1e-3,
+                names: self.names,
+            }
         })
     }
 }

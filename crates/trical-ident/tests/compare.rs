@@ -1,6 +1,6 @@
 //! Is this arm still what it was: a few touches against an earlier calibration.
 
-use trical_ident::{Comparison, ModelFile, Options, ParameterSet, calibrate, compare, history};
+use trical_ident::{Aim, Comparison, ModelFile, Options, ParameterSet, calibrate, compare, history};
 use trical_model::{Axis, Basis, Model, Motion, Recording, Scope, Site, Task, Term};
 
 use crate::sessions;
@@ -108,6 +108,26 @@ fn tracked(truth: &Model, sessions: &[Recording]) -> ModelFile {
     let c = calibrate(&truth.robot, &truth.cell, sessions, &Options::new(ParameterSet::Compliance), &Task::silent())
         .unwrap();
     ModelFile::of_fit(&c.fitted)
+}
+
+#[test]
+fn measured_orientations_scatter_as_they_did_in_the_calibration() {
+    let truth = sessions::truth();
+    // rad: so large that it would be a change if lengths of 0.01 mm told it
+    let posed = |session, count| sessions::measured(&truth, session, [0.0; 3], count, 2e-4, |_| Aim::Pose);
+    let file = tracked(&truth, &[posed(1, 100)]);
+    for session in 2..7 {
+        let c = compare(&truth.cell, &file, &posed(session, 12), None).unwrap();
+        assert_eq!(c.verdict, "unchanged", "{}", c.summary);
+    }
+    let mut turned = truth.clone();
+    turned.terms.push(Term {
+        value: 2e-3,
+        ..Term::new("hidden", "hidden", Site::Tool(Motion::About(Axis::Z)), Basis::CONSTANT)
+    });
+    let recording = sessions::measured(&turned, 7, [0.0; 3], 12, 2e-4, |_| Aim::Pose);
+    let c = compare(&truth.cell, &file, &recording, None).unwrap();
+    assert_eq!((c.verdict, c.changes[0].what.as_str()), ("setup changed", "tool"), "{}", c.summary);
 }
 
 #[test]

@@ -67,6 +67,20 @@ fn two_sockets_at_unknown_places_calibrate_the_arm_to_their_noise() {
 }
 
 #[test]
+fn a_place_with_one_row_is_told_and_the_others_are_scored() {
+    let cell = cell("distances_mm = { d12 = 50.0 }");
+    let (truth, mut recording) = touched(&cell, &[0, 1, 2, 3], 1);
+    recording.places.push("lfet".into());
+    recording.rows[17].state.place = Some(4);
+    let c =
+        calibrate(&truth.robot, &cell, &[recording], &Options::new(ParameterSet::Geometry), &Task::silent()).unwrap();
+    let by_place = c.held_out.by_place.unwrap();
+    assert!(by_place.mean_mm < 2.5 * LEAST_MM, "{by_place:?}");
+    let told = |c: &String| c.starts_with("place lfet has 1 pose, the first in line 19");
+    assert!(c.cautions().iter().any(told), "{:?}", c.cautions());
+}
+
+#[test]
 fn waves_of_the_joints_are_kept_where_places_that_were_held_out_show_them() {
     let cell = cell("distances_mm = { d12 = 50.0 }");
     let wave = |joint: usize| {

@@ -29,6 +29,18 @@ pub fn truth() -> Model {
 
 /// What a tracker saw of that arm: its frame stood somewhere else in each session, the targets `off` (m) from where the cell says.
 pub fn seen(truth: &Model, session: u64, off: [f64; 3]) -> Recording {
+    measured(truth, session, off, 150, 0.0, |k| Aim::Target(k % 3))
+}
+
+/// So many measurements of any kind by that tracker, orientations with a standard deviation of `angle` (rad) about each axis.
+pub fn measured(
+    truth: &Model,
+    session: u64,
+    off: [f64; 3],
+    count: usize,
+    angle: f64,
+    aim: impl Fn(usize) -> Aim,
+) -> Recording {
     let mut model = truth.clone();
     for t in &mut model.cell.tool.targets {
         *t += Vector3::from(off);
@@ -37,7 +49,7 @@ pub fn seen(truth: &Model, session: u64, off: [f64; 3]) -> Recording {
     let rotation = rotation_zyx(0.7 * s, 0.2 * s, -0.1 * s);
     model.frames = vec![Pose { rotation, translation: Vector3::new(2.0 - s, 0.5 * s, 0.3) }];
     let mut rng = Pcg64Mcg::seed_from_u64(session);
-    let rows: Vec<(State, Aim)> = (0..150)
+    let rows: Vec<(State, Aim)> = (0..count)
         .map(|k| {
             let q: Vec<f64> = model
                 .robot
@@ -48,11 +60,11 @@ pub fn seen(truth: &Model, session: u64, off: [f64; 3]) -> Recording {
                     rng.random_range(low.max(-2.0)..high.min(2.0))
                 })
                 .collect();
-            let state = State { t: Some(20.0 * f64::from(k)), ..State::at(&q) };
-            (state, Aim::Target(usize::try_from(k % 3).unwrap()))
+            let state = State { t: Some(20.0 * k as f64), ..State::at(&q) };
+            (state, aim(k))
         })
         .collect();
-    let scatter = Scatter { length: NOISE, angle: 0.0, seed: 100 + session };
+    let scatter = Scatter { length: NOISE, angle, seed: 100 + session };
     Recording { name: format!("session{session}.csv"), ..simulate(&model, &rows, &scatter, None).unwrap() }
 }
 
@@ -321,6 +333,20 @@ fn of_many_sessions_several_are_predicted_by_one_fit_to_all_others() {
     assert_eq!(*left_out.borrow(), expected);
     // every fourth pose of each session says where its frame and its tool are
     assert!((12 * 110..12 * 115).contains(&errors.len()), "{}", errors.len());
+}
+
+#[test]
+fn what_a_few_measurements_say_of_many_is_no_error_of_a_fit_to_all() {
+    let truth = truth();
+    let scored = |second: usize| {
+        let mut sessions = [seen(&truth, 1, [0.0; 3]), seen(&truth, 2, [0.0; 3])];
+        sessions[1].rows.truncate(second);
+        let data = Dataset::build(&sessions, JointSource::Read, None).unwrap();
+        let fitted = identify(&truth.robot, &truth.cell, &data, ParameterSet::Compliance).unwrap();
+        score_sessions(&data, &|_| Ok(fitted.clone())).unwrap().len()
+    };
+    // three of four poses of each session that is scored
+    assert_eq!([scored(40), scored(60)], [30, 112 + 45]);
 }
 
 #[test]

@@ -68,6 +68,8 @@ pub struct Robot {
     pub root_from_zero: Pose,
     /// The flange, which carries the tool, in the frame {n} of the last joint: the identity for an arm in Craig's frames.
     pub last_from_flange: Pose,
+    /// What the description that it comes from calls its joints; empty where nothing says so, and not kept in files.
+    pub joint_names: Vec<String>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -226,6 +228,7 @@ impl Robot {
             joints: Vec::new(),
             root_from_zero: Pose::identity(),
             last_from_flange: Pose::identity(),
+            joint_names: Vec::new(),
         }
     }
 
@@ -267,6 +270,7 @@ impl Robot {
             joints,
             root_from_zero: pose(raw.root, "[root]")?,
             last_from_flange: pose(raw.flange, "[flange]")?,
+            joint_names: Vec::new(),
         })
     }
 

@@ -53,21 +53,19 @@ impl Robot {
 /// An arm from a URDF.
 #[derive(Clone, Debug)]
 pub struct Imported {
-    /// The arm in Craig's frames. Its name is that of the URDF.
+    /// The arm in Craig's frames. Its name, and those of its joints, are the URDF's.
     pub robot: Robot,
     /// The link that a cell places in {w}.
     pub root: String,
     /// The link that carries the tool.
     pub tip: String,
-    /// The URDF's names of the joints.
-    pub joints: Vec<String>,
 }
 
 impl Imported {
     /// The text of a robot.toml that says where the arm came from.
     #[must_use]
     pub fn to_toml(&self, source: &Path) -> String {
-        let (root, tip, joints) = (&self.root, &self.tip, self.joints.join(", "));
+        let (root, tip, joints) = (&self.root, &self.tip, self.robot.joint_names.join(", "));
         format!("# The arm of {} from link {root} to link {tip}; joints: {joints}.\n", source.display())
             + &self.robot.to_toml()
     }
@@ -123,6 +121,6 @@ pub fn parse(text: &str, file: &str, root: Option<&str>, tip: Option<&str>) -> R
     let urdf = xml::read(text, file)?;
     let serial = tree::serial(&urdf, file, root, tip)?;
     let name = if urdf.name.is_empty() { "URDF" } else { urdf.name.as_str() };
-    let robot = robot_from_axes(&serial.joints, &serial.root_from_tip, name);
-    Ok(Imported { robot, root: serial.root, tip: serial.tip, joints: serial.names })
+    let robot = Robot { joint_names: serial.names, ..robot_from_axes(&serial.joints, &serial.root_from_tip, name) };
+    Ok(Imported { robot, root: serial.root, tip: serial.tip })
 }

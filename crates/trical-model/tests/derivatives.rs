@@ -413,7 +413,7 @@ impl Draw {
         let mut constant =
             || Pose { rotation: rotation_zyx(self.n(3.0), self.n(1.5), self.n(3.0)), translation: self.v(0.3) };
         let (root_from_zero, last_from_flange) = (constant(), constant());
-        Robot { name: "random".into(), joints, root_from_zero, last_from_flange }
+        Robot { name: "random".into(), joints, root_from_zero, last_from_flange, joint_names: Vec::new() }
     }
 
     fn cell(&mut self) -> Cell {

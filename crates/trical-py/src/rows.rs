@@ -12,7 +12,7 @@ use pyo3::types::{PyBytes, PyDict, PyList};
 use trical_model::{MAX_JOINTS, Measured, Recording, Robot, Row, State};
 use trical_recording::csv::is_nothing;
 use trical_recording::mcap::{Header, write_recording};
-use trical_recording::{Places, open, open_damaged, output, parse, refuse_other_units, to_csv};
+use trical_recording::{Expected, Places, open, open_damaged, output, parse, refuse_other_units, to_csv};
 
 use crate::arguments::path_of;
 use crate::arrays::floats;
@@ -31,8 +31,8 @@ fn wrong(text: String) -> PyErr {
 }
 
 /// Reads a recording, CSV or MCAP. A damaged MCAP is refused unless a part of it will do.
-pub fn load(path: &Path, joints: Option<usize>, part: bool) -> Result<Recording> {
-    warned(if part { open_damaged(path, joints)?.0 } else { open(path, joints)? })
+pub fn load<'a>(path: &Path, expected: impl Into<Expected<'a>>, part: bool) -> Result<Recording> {
+    warned(if part { open_damaged(path, expected)?.0 } else { open(path, expected)? })
 }
 
 /// Says how a file was read, as a warning of Python: rows that were left out, decimal commas.
@@ -72,7 +72,7 @@ pub fn read_all(list: &[RecordingArgument], robot: &Robot) -> Result<Vec<Recordi
     let one = |r: &RecordingArgument| {
         let recording = match r {
             RecordingArgument::Rows(rows) => Recording::clone(&rows.get().0),
-            RecordingArgument::Path(path) => load(path, Some(robot.dof()), false)?,
+            RecordingArgument::Path(path) => load(path, robot, false)?,
         };
         refuse_other_units(&recording, robot)?;
         Ok(recording)

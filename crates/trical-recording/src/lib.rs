@@ -42,6 +42,6 @@ pub mod whole;
 pub use crate::csv::{load_csv, parse_csv, write_csv};
 pub use crate::mcap::{ReadRecording, RecordingWriter, RunLog, read_recording, write_recording};
 pub use error::{RecordError, Result};
-pub use open::{is_mcap, open, open_damaged, parse, refuse_other_units, to_csv};
+pub use open::{Expected, is_mcap, open, open_damaged, parse, refuse_other_units, to_csv};
 pub use shared::{Places, Shared};
 pub use stream::{CsvStream, open_large};

@@ -111,13 +111,34 @@ pub fn parse(name: &str, bytes: &[u8]) -> Result<Recording> {
     parse_csv(bytes, name, joints_of_header(bytes.get(..1 << 16).unwrap_or(bytes)))
 }
 
-/// Reads a recording, CSV or MCAP. A damaged MCAP is refused: who works with a part of the data should know it
-/// ([`open_damaged`]). `joints` is how many the arm has; where it is not given, as many as the file has.
+/// What is known of the arm before its recording is read.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Expected<'a> {
+    /// How many joints it has; `None`: as many as the file has.
+    pub joints: Option<usize>,
+    /// What its description calls them, joint 1 first; empty where nothing says so.
+    pub names: &'a [String],
+}
+
+impl From<Option<usize>> for Expected<'_> {
+    fn from(joints: Option<usize>) -> Self {
+        Self { joints, names: &[] }
+    }
+}
+
+impl<'a> From<&'a Robot> for Expected<'a> {
+    fn from(robot: &'a Robot) -> Self {
+        Self { joints: Some(robot.dof()), names: &robot.joint_names }
+    }
+}
+
+/// Reads a recording of the `expected` arm, CSV or MCAP. A damaged MCAP is refused: who works with a part of the data should know it
+/// ([`open_damaged`]).
 ///
 /// # Errors
 /// A file that cannot be read or makes no sense, [`RecordError::Damaged`], or a recording of an arm with other joints.
-pub fn open(path: &Path, joints: Option<usize>) -> Result<Recording> {
-    let (recording, lost) = open_damaged(path, joints)?;
+pub fn open<'a>(path: &Path, expected: impl Into<Expected<'a>>) -> Result<Recording> {
+    let (recording, lost) = open_damaged(path, expected)?;
     match lost {
         Some(lost) => Err(RecordError::Damaged { lost, complete: recording.rows.len() }),
         None => Ok(recording),
@@ -128,7 +149,9 @@ pub fn open(path: &Path, joints: Option<usize>) -> Result<Recording> {
 ///
 /// # Errors
 /// As [`open`]; a damaged MCAP without a complete measurement.
-pub fn open_damaged(path: &Path, joints: Option<usize>) -> Result<(Recording, Option<String>)> {
+pub fn open_damaged<'a>(path: &Path, expected: impl Into<Expected<'a>>) -> Result<(Recording, Option<String>)> {
+    let expected: Expected<'_> = expected.into();
+    let joints = expected.joints;
     if !is_mcap(path)? {
         if let Some(problem) = no_recording(path) {
             return Err(RecordError::File { file: path.display().to_string(), problem: problem.to_owned() });
@@ -138,7 +161,7 @@ pub fn open_damaged(path: &Path, joints: Option<usize>) -> Result<(Recording, Op
     }
     let (path, topic) = file_and_topic(path);
     let path = path.as_path();
-    let read = read_any(path, joints, topic.as_deref())?;
+    let read = read_any(path, expected, topic.as_deref())?;
     let error = |problem: String| RecordError::File { file: path.display().to_string(), problem };
     if read.recording.rows.is_empty() {
         let why = match read.lost {

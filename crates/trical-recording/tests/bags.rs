@@ -5,6 +5,7 @@ use std::fs::File;
 use std::path::Path;
 
 use trical_model::Measured;
+use trical_recording::Expected;
 use trical_recording::mcap::cdr::{JointState, Stamped, StampedKind, string_from_cdr, string_to_cdr};
 use trical_recording::mcap::{joint_order, read_any};
 use trical_recording::open_large;
@@ -200,6 +201,26 @@ fn of_a_tree_of_transforms_one_frame_is_the_measurement() {
     }
     let message = read_any(&path, Some(2), Some("/tracker/pose:other")).unwrap_err().to_string();
     assert!(message.contains("has transforms of probe on /tracker/pose; name the frame"), "{message}");
+}
+
+#[test]
+fn the_joints_of_an_arm_are_told_by_its_description_or_by_the_numbers_in_their_names() {
+    let of = |names: &[&str], arm: &[&str], joints: Option<usize>| {
+        let names: Vec<String> = names.iter().map(|n| (*n).to_owned()).collect();
+        let arm: Vec<String> = arm.iter().map(|n| (*n).to_owned()).collect();
+        joint_order(&names, Expected { joints, names: &arm }).map(|found| found.0)
+    };
+    // as drivers publish them: in the order of the alphabet, two arms in one message
+    let baxter = ["right_e0", "right_s0", "right_w0"];
+    assert_eq!(of(&baxter, &["right_s0", "right_e0", "right_w0"], Some(3)), Ok(vec![1, 0, 2]));
+    let both = ["left_joint_1", "left_joint_2", "right_joint_1", "right_joint_2"];
+    assert_eq!(of(&both, &["right_joint_1", "right_joint_2"], Some(2)), Ok(vec![2, 3]));
+    assert!(of(&both, &["joint_1", "joint_2"], Some(2)).is_err());
+    // other letters behind the number, another number behind it, one behind another
+    assert_eq!(of(&["joint_3_u", "joint_1_s", "joint_2_l"], &[], Some(3)), Ok(vec![1, 2, 0]));
+    assert_eq!(of(&["J2_7", "J1_7", "J3_7"], &[], Some(3)), Ok(vec![1, 0, 2]));
+    assert_eq!(of(&["arm0_j2", "arm0_j1", "grip1"], &[], Some(2)), Ok(vec![1, 0]));
+    assert_eq!(of(&["a_1_x", "a_1_y"], &[], Some(2)), Ok(vec![0, 1]));
 }
 
 #[test]

@@ -111,7 +111,7 @@ fn arm(source: &UrdfPath, output: &Path, as_json: bool) -> Result<()> {
     }
     write_whole(output, arm.to_toml(&source.path).as_bytes())?;
     if as_json {
-        let value = json!({ "joints": arm.joints, "root": arm.root, "tip": arm.tip, "out": output });
+        let value = json!({ "joints": arm.robot.joint_names, "root": arm.root, "tip": arm.tip, "out": output });
         return say(serde_json::to_string_pretty(&value)?);
     }
     say(format!(

@@ -58,7 +58,7 @@ impl<'a> Whitened<'a> {
         let asked = explanations.iter().flat_map(|e| e.terms.clone());
         let all: Vec<usize> = calibrated.iter().map(|o| o.0).chain(new.iter().copied()).chain(asked).collect();
         let forward = Forward::new(model.clone(), all)?;
-        let Linearized { jacobian, residual, spans } = Linearized::of(&forward, data, old.noise)?;
+        let Linearized { jacobian, residual, spans } = Linearized::of(&forward, data, old)?;
         let (rows, m) = (residual.len(), calibrated.len());
         let of_calibrated = jacobian.submatrix(0, 0, rows, m);
         let mut sigma = of_calibrated * &covariance(model, old, calibrated) * of_calibrated.transpose();
@@ -132,16 +132,17 @@ struct Linearized {
 }
 
 impl Linearized {
-    fn of(forward: &Forward, data: &Dataset, noise: f64) -> Result<Self> {
+    fn of(forward: &Forward, data: &Dataset, old: &Uncertainty) -> Result<Self> {
         check_observations(forward, data)?;
+        // of a model that no poses were measured for: as uncertain as the position a quarter of a metre away
+        let rotation_noise = old.rotation_noise.unwrap_or(4.0 * old.noise);
         let (rows, p) = (data.scalars(), forward.free().len());
         let (mut jacobian, mut residual, mut spans) = (Mat::<f64>::zeros(rows, p), vec![0.0; rows], Vec::new());
         let (mut ws, mut buffer, mut at) = (forward.workspace(), vec![0.0; 6 * p], 0);
         for o in &data.observations {
             let n = forward.linearize(&o.state, &o.measured, o.frame, &mut ws, &mut buffer);
             for k in 0..n {
-                // a pose's rotation is as uncertain as the position a quarter of a metre away
-                let sigma = if k < 3 { noise } else { 4.0 * noise };
+                let sigma = if k < 3 { old.noise } else { rotation_noise };
                 residual[at + k] = ws.residual()[k] / sigma;
                 (0..p).for_each(|c| jacobian[(at + k, c)] = buffer[k * p + c] / sigma);
             }

@@ -367,7 +367,7 @@ fn every_broken_urdf_gets_a_sentence_of_its_own() {
     );
     let e = refused(&branch, None, None);
     assert!(e.contains("several ends, c, d") && e.contains("r.urdf#a:c"), "{e}");
-    assert_eq!(parse(&branch, "r.urdf", None, Some("d")).unwrap().joints, ["j1", "j3"]);
+    assert_eq!(parse(&branch, "r.urdf", None, Some("d")).unwrap().robot.joint_names, ["j1", "j3"]);
     // a gripper's finger has one joint more than the flange, and is none
     let finger = "<link name='left_finger'/><joint name='f' type='prismatic'><parent link='d'/><child link='left_finger'/>\
                   <limit lower='0' upper='0.04'/></joint></robot>";

@@ -15,6 +15,7 @@ use super::schema;
 use super::walk::{RawFile, RawMessage};
 use crate::error::RecordError;
 use crate::motion::MotionSense;
+use crate::open::Expected;
 
 /// A measurement needs a joint state at most so long before and after it, s.
 const NEAR: f64 = 1.0;
@@ -61,11 +62,11 @@ struct Sight {
     quaternion: Option<[f64; 4]>,
 }
 
-/// Reads a bag: of an arm with `joints` joints, where that is known; `topic` says which measurements where there are several.
+/// Reads a bag of the arm that is `expected`; `topic` says which measurements where there are several.
 pub(super) fn recording(
     path: &Path,
     raw: &RawFile,
-    joints: Option<usize>,
+    expected: Expected<'_>,
     topic: Option<&str>,
 ) -> Result<Recording, RecordError> {
     let bad = |problem: String| RecordError::Unreadable { path: path.to_owned(), problem };
@@ -107,9 +108,10 @@ pub(super) fn recording(
         }
     };
     let described = description(raw);
-    let (states, others) = of_the_arm(states, described.as_ref(), joints);
+    let known = KnownJoints::new(expected, described.as_ref());
+    let (states, others) = of_the_arm(states, known);
     let names = states.first().map_or(&[][..], |(_, s)| &s.names);
-    let (order, mut notes) = order_of(names, described.as_ref(), joints).map_err(&bad)?;
+    let (order, mut notes) = order_of(names, known).map_err(&bad)?;
     notes.extend(others);
     let clock = Clock::of(&states, &seen);
     notes.push(clock.in_words());
@@ -144,7 +146,7 @@ pub(super) fn recording(
         stands.far
     ));
     notes.push(format!("positions in m in the frame {frame}, which is taken as the measuring frame"));
-    let described = described.as_ref().filter(|d| d.joints.len() == order.len());
+    let described = described.as_ref().filter(|d| d.robot.dof() == order.len());
     let prismatic = described.map(|d| d.robot.prismatic());
     let name = path.display().to_string();
     let notes = notes.into_iter().map(|n| format!("{name}: {n}")).collect();
@@ -251,15 +253,34 @@ fn description(raw: &RawFile) -> Option<urdf::Imported> {
 ///
 /// # Errors
 /// One sentence: neither their number nor their names say it.
-pub fn joint_order(names: &[String], joints: Option<usize>) -> Result<(Vec<usize>, Vec<String>), String> {
-    order_of(names, None, joints)
+pub fn joint_order<'a>(
+    names: &[String],
+    expected: impl Into<Expected<'a>>,
+) -> Result<(Vec<usize>, Vec<String>), String> {
+    order_of(names, KnownJoints::new(expected.into(), None))
 }
 
-fn order_of(
-    names: &[String],
-    described: Option<&urdf::Imported>,
-    joints: Option<usize>,
-) -> Result<(Vec<usize>, Vec<String>), String> {
+/// What is known of the arm's joints beside a message.
+#[derive(Clone, Copy)]
+struct KnownJoints<'a> {
+    count: Option<usize>,
+    /// Names, and who says them, those that count first.
+    names: [(&'a [String], &'static str); 2],
+}
+
+impl<'a> KnownJoints<'a> {
+    fn new(expected: Expected<'a>, described: Option<&'a urdf::Imported>) -> Self {
+        let of_bag = described.map_or(&[][..], |d| &d.robot.joint_names);
+        let names = [
+            (expected.names, "as the robot's description has them"),
+            (of_bag, "as the bag's /robot_description has them"),
+        ];
+        Self { count: expected.joints, names }
+    }
+}
+
+fn order_of(names: &[String], known: KnownJoints<'_>) -> Result<(Vec<usize>, Vec<String>), String> {
+    let joints = known.count;
     let place = |name: &String| names.iter().position(|n| n == name);
     let fits = |count: usize| joints.is_none_or(|j| j == count) && (1..=MAX_JOINTS).contains(&count);
     let said = |order: Vec<usize>, how: &str| {
@@ -267,11 +288,12 @@ fn order_of(
         let note = format!("joints 1 to {} are {}, {how}", order.len(), list.join(", "));
         Ok((order, vec![note]))
     };
-    if let Some(described) = described
-        && let Some(order) = described.joints.iter().map(place).collect::<Option<Vec<_>>>()
-        && fits(order.len())
-    {
-        return said(order, "as the bag's /robot_description has them");
+    for (of_arm, how) in known.names {
+        if let Some(order) = of_arm.iter().map(place).collect::<Option<Vec<_>>>()
+            && fits(order.len())
+        {
+            return said(order, how);
+        }
     }
     const UR: [&str; 6] = ["shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"];
     let ur = UR.map(|part| names.iter().position(|n| n.contains(part)));
@@ -280,16 +302,13 @@ fn order_of(
     {
         return said(order, "in the order of Universal Robots' arms");
     }
-    // numbered names: of those that differ in the number alone
-    let mut groups: BTreeMap<String, BTreeMap<u32, usize>> = BTreeMap::new();
-    for (k, name) in names.iter().enumerate() {
-        if let Some((stem, number)) = numbered(name) {
-            groups.entry(stem).or_default().insert(number, k);
+    // of names that differ in the number alone, or else from the number on
+    for whole in [true, false] {
+        let groups = numbered(names, whole);
+        let mut right = groups.into_iter().filter(|g| fits(g.len()) && (joints.is_some() || g.len() > 3));
+        if let (Some(group), None) = (right.next(), right.next()) {
+            return said(group, "by the numbers in their names");
         }
-    }
-    let mut right = groups.into_values().filter(|g| fits(g.len()) && (joints.is_some() || g.len() > 3));
-    if let (Some(group), None) = (right.next(), right.next()) {
-        return said(group.into_values().collect(), "by the numbers in their names");
     }
     if fits(names.len()) {
         return said((0..names.len()).collect(), "in the order of the message");
@@ -302,12 +321,25 @@ fn order_of(
     ))
 }
 
-/// A name without its last number, and that.
-fn numbered(name: &str) -> Option<(String, u32)> {
-    let end = name.rfind(|c: char| c.is_ascii_digit())? + 1;
-    let begin = name[..end].rfind(|c: char| !c.is_ascii_digit()).map_or(0, |k| k + 1);
-    let begin = if name.is_char_boundary(begin) { begin } else { return None };
-    Some((format!("{}#{}", &name[..begin], &name[end..]), name[begin..end].parse().ok()?))
+/// Places of names that have a number behind the same letters, in its order; with `whole` the same letters behind it, too. Of names that share a
+/// number, none.
+fn numbered(names: &[String], whole: bool) -> BTreeSet<Vec<usize>> {
+    let mut groups: BTreeMap<(&str, &str), Vec<(u32, usize)>> = BTreeMap::new();
+    for (k, name) in names.iter().enumerate() {
+        let mut from = 0;
+        while let Some(begin) = name[from..].find(|c: char| c.is_ascii_digit()).map(|at| from + at) {
+            from = name[begin..].find(|c: char| !c.is_ascii_digit()).map_or(name.len(), |at| begin + at);
+            let behind = if whole { &name[from..] } else { "" };
+            if let Ok(number) = name[begin..from].parse() {
+                groups.entry((&name[..begin], behind)).or_default().push((number, k));
+            }
+        }
+    }
+    let apart = |mut group: Vec<(u32, usize)>| {
+        group.sort_unstable();
+        group.windows(2).all(|w| w[0].0 < w[1].0).then(|| group.into_iter().map(|(_, k)| k).collect())
+    };
+    groups.into_values().filter_map(apart).collect()
 }
 
 /// Which clock tells what was at the same time.
@@ -346,11 +378,7 @@ type States<'a> = Vec<(&'a RawMessage, JointState)>;
 
 /// The joint states of the arm, and what is said of others on the topic, as a gripper's: those whose names fit the arm, of which the joints move,
 /// or else that are the most.
-fn of_the_arm<'a>(
-    states: States<'a>,
-    described: Option<&urdf::Imported>,
-    joints: Option<usize>,
-) -> (States<'a>, Option<String>) {
+fn of_the_arm<'a>(states: States<'a>, known: KnownJoints<'_>) -> (States<'a>, Option<String>) {
     let mut sets: BTreeMap<Vec<String>, States<'a>> = BTreeMap::new();
     for (m, state) in states {
         let mut names = state.names.clone();
@@ -362,7 +390,7 @@ fn of_the_arm<'a>(
         let moves = states.iter().any(|(_, s)| {
             s.names == first.names && s.position.iter().zip(&first.position).any(|(a, b)| (a - b).abs() > STILL)
         });
-        (order_of(&first.names, described, joints).is_ok(), moves, states.len())
+        (order_of(&first.names, known).is_ok(), moves, states.len())
     };
     let arm = sets.iter().max_by_key(|(_, states)| rank(states)).map(|(names, _)| names.clone()).unwrap_or_default();
     let states = sets.remove(&arm).unwrap_or_default();
@@ -512,7 +540,7 @@ mod tests {
 
     #[test]
     fn joints_are_put_in_order_by_what_their_names_say() {
-        let order = |all: &str, joints| order_of(&names(all), None, joints).map(|(order, _)| order);
+        let order = |all: &str, joints: Option<usize>| joint_order(&names(all), joints).map(|(order, _)| order);
         // as the drivers of Universal Robots publish them: by the alphabet
         let ur = "elbow_joint shoulder_lift_joint shoulder_pan_joint wrist_1_joint wrist_2_joint wrist_3_joint";
         assert_eq!(order(ur, Some(6)).unwrap(), [2, 1, 0, 3, 4, 5]);

@@ -16,6 +16,7 @@ use crate::columns::{Field, Unit, column};
 use crate::error::RecordError;
 use crate::json;
 use crate::motion::{JointSample, MotionSense};
+use crate::open::Expected;
 use crate::shared::{Places, Shared};
 
 /// Reads a recording, whole or cut anywhere.
@@ -28,12 +29,16 @@ pub fn read_recording(path: &Path) -> Result<ReadRecording, RecordError> {
     interpret(path, &read_raw(path)?)
 }
 
-/// As [`read_recording`]; a ROS 2 bag of others is a recording too: its joint states, and what was seen on `topic`, matched by time. `joints` is how
-/// many the arm has, where that is known.
+/// As [`read_recording`]; a ROS 2 bag of others is a recording too: its joint states, and what was seen on `topic`, matched by time. The arm is
+/// the `expected` one.
 ///
 /// # Errors
 /// As there; a bag in which nothing can be matched.
-pub fn read_any(path: &Path, joints: Option<usize>, topic: Option<&str>) -> Result<ReadRecording, RecordError> {
+pub fn read_any<'a>(
+    path: &Path,
+    expected: impl Into<Expected<'a>>,
+    topic: Option<&str>,
+) -> Result<ReadRecording, RecordError> {
     crate::bounds::check_file(path, true)?;
     let bytes = std::fs::read(path).map_err(RecordError::io(path, "open"))?;
     let raw = raw_of(path, &bytes, true)?;
@@ -41,7 +46,7 @@ pub fn read_any(path: &Path, joints: Option<usize>, topic: Option<&str>) -> Resu
     if !bag::is_bag(&raw) {
         return interpret(path, &raw);
     }
-    let recording = bag::recording(path, &raw, joints, topic)?;
+    let recording = bag::recording(path, &raw, expected.into(), topic)?;
     let metadata = raw.metadata.iter().cloned().collect();
     let start_ns = raw.messages.iter().map(|message| message.log_time).min().unwrap_or(0);
     let (joint_states, indicators, attachments) = (Vec::new(), Vec::new(), Vec::new());

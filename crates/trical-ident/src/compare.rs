@@ -88,7 +88,7 @@ pub fn compare(
         rejected: adapted.data.rejected.clone(),
         setup_of: setup_of(file, newest),
         anew: [("tool", tool), ("base", base)].into_iter().filter(|a| a.1).map(|a| a.0).collect(),
-        verdict: result::verdict(&changes, &visible),
+        verdict: result::verdict(&changes, &visible, whitened.more_noise.sqrt()),
         summary: String::new(),
         doubt: None,
         changes,

@@ -119,7 +119,7 @@ fn trend(x: &[f64], y: &[f64]) -> Option<Trend> {
 
 fn due(sessions: &[Comparison], steps: &[f64], trend: Option<Trend>, need: Option<f64>, unit: &str) -> String {
     let Some(last) = sessions.last() else { return String::new() };
-    if last.verdict == "arm changed" && last.doubt.is_none() {
+    if ["arm changed", "does not fit"].contains(&last.verdict) && last.doubt.is_none() {
         return format!(
             "The next calibration is due now: in the last session ({}) the arm is not what it was.",
             last.recording
@@ -132,7 +132,7 @@ fn due(sessions: &[Comparison], steps: &[f64], trend: Option<Trend>, need: Optio
             last.mean_mm
         );
     }
-    if last.verdict == "arm changed" {
+    if ["arm changed", "does not fit"].contains(&last.verdict) {
         return format!(
             "The arm seems to have changed in the last session ({}), but the calibration itself leaves errors that can look like it: compare \
              with a diagnosed model before you calibrate anew.",

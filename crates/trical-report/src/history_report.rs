@@ -79,6 +79,7 @@ pub fn what_changed(session: &Comparison) -> String {
     match (all.is_empty(), session.verdict) {
         (false, _) => all.join(", "),
         (_, "nothing visible") => "(would show nothing)".into(),
+        (_, "does not fit") => "does not fit".into(),
         _ => "nothing".into(),
     }
 }
@@ -89,7 +90,8 @@ pub fn what_changed(session: &Comparison) -> String {
 pub fn told(h: &History) -> Vec<String> {
     let line = |s: &Comparison| {
         let rejected = rejected_in_words(&s.rejected).map(|r| format!("{r}."));
-        let more = !s.changes.is_empty() || !s.anew.is_empty() || s.verdict == "nothing visible";
+        let more =
+            !s.changes.is_empty() || !s.anew.is_empty() || ["nothing visible", "does not fit"].contains(&s.verdict);
         let doubt = s.doubt.as_deref().unwrap_or_default();
         let summary = s.summary.strip_suffix(doubt).unwrap_or(&s.summary).trim_end();
         let said: Vec<String> = rejected.into_iter().chain(more.then(|| summary.to_owned())).collect();

@@ -98,9 +98,6 @@ fn print(c: &Comparison) -> Result<()> {
         say_lines(table::wrapped(&format!("{rejected}."), 108, "  "))?;
     }
     say_lines(table::wrapped(&c.summary, 108, "  "))?;
-    if c.more_noise > 1.3 {
-        say(format!("  The measurements scatter {:.1} times as much as in the old session.", c.more_noise))?;
-    }
     let (mut seen, mut unseen): (Vec<String>, Vec<String>) = (Vec::new(), Vec::new());
     for (k, v) in c.visible.iter().enumerate() {
         // a tool is moved, or turned

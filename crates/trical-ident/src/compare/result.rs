@@ -3,7 +3,7 @@
 use serde::Serialize;
 use trical_model::Scope;
 
-use super::settings::{BEYOND, CHANGES, UNUSUAL};
+use super::settings::{BEYOND, CHANGES, MORE_SCATTER, NO_FIT, UNUSUAL};
 use crate::dataset::Rejected;
 use crate::rigid::moved;
 
@@ -75,7 +75,7 @@ pub struct Comparison {
     /// can be seen.
     pub anew: Vec<&'static str>,
     /// "unchanged", "setup changed" (tool or base only), "arm changed", "wrong touches" (only those), "nothing visible"
-    /// (these measurements would show no change); "perhaps arm changed" and the like where no change is as sure as one half.
+    /// (these measurements would show no change), "does not fit" (no such change explains how far they are off); "perhaps arm changed" and the like where no change is as sure as one half.
     pub verdict: &'static str,
     /// In plain sentences.
     pub summary: String,
@@ -109,8 +109,12 @@ impl Comparison {
     }
 }
 
-/// What changed, in two words; of what is less sure than one half, that it did so perhaps.
-pub(super) fn verdict(changes: &[Change], visible: &[Visible]) -> &'static str {
+/// What changed, in two words; of what is less sure than one half, that it did so perhaps. `more_noise`: how much more the measurements scatter.
+pub(super) fn verdict(changes: &[Change], visible: &[Visible], more_noise: f64) -> &'static str {
+    let machine = changes.iter().any(|c| c.is_likely() && c.scope != Scope::Reading);
+    if !machine && more_noise > NO_FIT {
+        return "does not fit";
+    }
     if changes.is_empty() && visible.iter().all(|v| v.smallest.is_none()) {
         return "nothing visible";
     }
@@ -158,6 +162,25 @@ fn size_in_words(change: &Change) -> String {
     }
 }
 
+/// How much more the measurements scatter than they did, where it is worth a sentence.
+fn scatter_in_words(c: &Comparison) -> Option<String> {
+    let scatter =
+        format!("The measurements scatter {:.1} times as much about the model as in the old session", c.more_noise);
+    match c.more_noise {
+        much if much > NO_FIT => Some(format!(
+            "{scatter}, and {} explains that: something else is different, of the arm (play, load, heat, a link) or of how it was measured. \
+             Diagnose this recording.",
+            if c.changes.is_empty() {
+                "no change of one joint, the tool or the base"
+            } else {
+                "nothing that is told here"
+            }
+        )),
+        more if more > MORE_SCATTER => Some(format!("{scatter}.")),
+        _ => None,
+    }
+}
+
 /// A change in a sentence.
 fn in_words(change: &Change) -> String {
     let sure = (change.probability * 100.0).floor().min(99.0);
@@ -177,12 +200,15 @@ fn summary(c: &Comparison) -> String {
     let mut words = Vec::new();
     if c.verdict == "nothing visible" {
         words.push(format!("Nothing can be seen in these {n} measurements: they would show no change."));
+    } else if c.verdict == "does not fit" {
+        words.push(format!("These {n} measurements do not fit the model."));
     } else if c.changes.is_empty() && joint_seen {
         words.push(format!("No change was found in these {n} measurements."));
     } else if c.changes.is_empty() {
         words.push(format!("No change was found in these {n} measurements, which would not show one of any joint."));
     }
     words.extend(c.changes.iter().map(in_words));
+    words.extend(scatter_in_words(c));
     if c.changes.len() == CHANGES && c.changes.iter().filter(|c| c.scope == Scope::Arm).count() > 1 {
         words.push("So much is different that this may be another arm of the same kind.".into());
     }
@@ -224,11 +250,16 @@ mod tests {
             by: Vec::new(),
             rivals: vec!["joint 2".into()],
         };
-        let verdict_of = |all: &[(Scope, f64)]| verdict(&all.iter().map(|c| change(c.0, c.1)).collect::<Vec<_>>(), &[]);
+        let of = |all: &[(Scope, f64)], more_noise: f64| {
+            verdict(&all.iter().map(|c| change(c.0, c.1)).collect::<Vec<_>>(), &[], more_noise)
+        };
+        let verdict_of = |all: &[(Scope, f64)]| of(all, 1.0);
         assert_eq!(verdict_of(&[(Scope::Arm, 0.37)]), "perhaps arm changed");
         assert_eq!(verdict_of(&[(Scope::Arm, 0.5)]), "arm changed");
         assert_eq!(verdict_of(&[(Scope::Setup, 0.9), (Scope::Arm, 0.37)]), "setup changed");
         assert_eq!(verdict_of(&[(Scope::Reading, 0.4)]), "perhaps wrong touches");
+        assert_eq!([2.9, 3.1].map(|more| of(&[(Scope::Reading, 0.9)], more)), ["wrong touches", "does not fit"]);
+        assert_eq!([0.4, 0.9].map(|sure| of(&[(Scope::Arm, sure)], 5.0)), ["does not fit", "arm changed"]);
         let told = summary(&Comparison { changes: vec![change(Scope::Arm, 0.37)], ..Comparison::default() });
         assert_eq!(told, "Perhaps joint 3 (or joint 2) changed, 37 % sure.");
     }

@@ -24,6 +24,11 @@ pub(super) const FEW: usize = 60;
 /// places than at most others, so that its errors have longer tails than those of an instrument.
 pub(super) const TAILS: f64 = 8.0;
 
+/// Measurements that scatter so many times as much as in the old session are worth a sentence, and so many times do not fit the model: something
+/// changed that none of the explanations is.
+pub(super) const MORE_SCATTER: f64 = 1.3;
+pub(super) const NO_FIT: f64 = 3.0;
+
 /// Most changes that are looked for.
 pub(super) const CHANGES: usize = 4;
 

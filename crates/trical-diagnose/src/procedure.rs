@@ -3,6 +3,7 @@
 use trical_ident::HeldOut;
 use trical_ident::caution::{EVEN_MASSES, cautions, too_many, without_masses};
 use trical_ident::dataset::Dataset;
+use trical_ident::date::newest;
 use trical_ident::error::Result;
 use trical_ident::fit::position_errors;
 use trical_ident::folds::Folds;
@@ -115,10 +116,11 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
                 Some(EVEN_MASSES.into())
             })
             .chain(rounds.read_otherwise.clone())
+            .chain(rounds.hardly_determined.iter().cloned())
             .chain(unsearched.as_ref().map(ToString::to_string))
             .chain(too_many(effective, arm_parameters(&fitted.model), folds))
             .chain(rounds.correlation.caution())
-            .chain(either_session(&grounds, kept.names.len()))
+            .chain(another_zero(&grounds, &kept.names))
             .chain(no_better_elsewhere("in a session", plain_by_session, by_session))
             .chain(no_better_elsewhere("at a place of the balls", plain_by_place, by_place))
             .chain(of_sessions.err().map(|e| format!("what one session is worth for the others is not known: {e}")))
@@ -140,15 +142,32 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
     Ok(diagnosis)
 }
 
-/// What to say where two sessions differ, and nothing tells which of them has the arm as it will be.
-fn either_session(grounds: &[(Vec<Candidate>, Vec<Candidate>)], sessions: usize) -> Option<String> {
-    let of_session =
-        |(members, _): &&(Vec<Candidate>, Vec<Candidate>)| members.iter().any(Candidate::is_of_whole_session);
-    let (members, _) = grounds.iter().find(of_session).filter(|_| sessions == 2)?;
-    let joint = members[0].site.joint()?;
+/// What to say where a joint has another zero in one session than in the others: which of them the model has, by the dates in their names.
+fn another_zero(grounds: &[(Vec<Candidate>, Vec<Candidate>)], names: &[String]) -> Option<String> {
+    let of_session = |(members, _): &(Vec<Candidate>, Vec<Candidate>)| {
+        members
+            .iter()
+            .find(|c| c.is_of_whole_session())
+            .and_then(|c| Some((c.site.joint()?, c.terms[0].basis.session?)))
+    };
+    let (joint, session) = grounds.iter().find_map(of_session)?;
+    let odd = session as usize - 1;
+    match newest(names.iter().map(String::as_str)) {
+        Some(newest) if newest == odd => {
+            return Some(format!(
+                "joint {joint} has another zero in {}, the newest session, than before: the model has the arm as it is now, and programs are \
+                 corrected for that",
+                names[odd]
+            ));
+        }
+        Some(_) => return None,
+        None => {}
+    }
+    let (odd, others) = (&names[odd], if names.len() == 2 { "other" } else { "others" });
+    let which = if names.len() == 2 { "; which of them is the odd one, two sessions hardly tell" } else { "" };
     Some(format!(
-        "joint {joint} has another zero in one of the two sessions than in the other; which one has it as it will be, two sessions hardly \
-         tell: diagnose a third one with them before you use the model"
+        "joint {joint} has another zero in {odd} than in the {others}{which}; the model has that of the {others}. Where {odd} is the newest, say so by \
+         dates in the names of the recordings (as in cell-2026-11-22.csv): the model then has the arm as it is now"
     ))
 }
 

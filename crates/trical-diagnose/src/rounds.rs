@@ -11,7 +11,7 @@ use std::collections::BTreeSet;
 
 use trical_ident::by_place::choose;
 use trical_ident::calibration::own_setup;
-use trical_ident::caution::SOFTEST;
+use trical_ident::caution::{SOFTEST, held, near_nominal};
 use trical_ident::dataset::{Dataset, Observation};
 use trical_ident::error::Result;
 use trical_ident::follow::refuse_stuck_stems;
@@ -86,6 +86,8 @@ pub(crate) struct Rounds {
     pub(crate) untestable: Vec<Untestable>,
     /// What to look at where readings are not what their columns say.
     pub(crate) read_otherwise: Option<String>,
+    /// What the data hardly determine, in a sentence each.
+    pub(crate) hardly_determined: Vec<String>,
     /// Whether each reading spreads beyond the noise, so far as the fit tells.
     spread: [bool; 3],
     /// Terms about the readings' own noise, and which of them are in the baseline.
@@ -149,6 +151,7 @@ impl Rounds {
                 k.prior = Known::about_zero(SOFTEST).prior;
             }
         }
+        let nominal = [held(&robot, &fitted.data, &fitted.held()), near_nominal(&fitted.kept_near_nominal())];
         let params = LmParams { huber: manner(&fitted.model, &all).1.huber, ..LmParams::WITHIN_NOISE };
         let sigma = touch_sigma(&fitted);
         let read_otherwise = read_otherwise(&fitted);
@@ -176,6 +179,7 @@ impl Rounds {
             correlation: CorrelatedNoise::WHITE,
             untestable: Vec::new(),
             read_otherwise: None,
+            hardly_determined: nominal.into_iter().flatten().collect(),
             spread,
             fitted_nuisances: vec![false; nuisances.len()],
             nuisances,

@@ -25,7 +25,7 @@ mod whitened;
 use trical_model::{Cell, Forward, Recording, Scope, Site, Term};
 
 use crate::dataset::{Dataset, JointSource};
-use crate::date::by_date;
+use crate::date;
 use crate::error::{IdentError, Result};
 use crate::fit::position_errors;
 use crate::model_file::ModelFile;
@@ -78,8 +78,8 @@ pub fn compare(
     // of sockets the place is new by their nature
     let placed = recording.places.is_empty() && cell.balls_fix_base(|_| true);
     let base = placed && is_new(|s| matches!(s, Site::Fixture(_)));
-    let whitened = Whitened::of(&explained, &data, uncertainty)?;
-    let changes = search::changes(&whitened);
+    let mut whitened = Whitened::of(&explained, &data, uncertainty)?;
+    let changes = search::changes(&mut whitened);
     let visible = size::visible(&whitened);
     let mut out = Comparison {
         recording: recording.name.clone(),
@@ -99,7 +99,7 @@ pub fn compare(
         temp_c: adapted.data.mean_temp_c(),
         alone: size::alone(&whitened),
     };
-    out.tell(usual_mm(&adapted.data));
+    out.tell(usual_mm(&adapted.data), &adapted.left_out);
     let left = out.more_noise * uncertainty.noise;
     if left > ANOTHER_ARM.0 && out.more_noise > ANOTHER_ARM.1 {
         return Err(IdentError::WrongModel(format!(
@@ -114,7 +114,7 @@ pub fn compare(
 /// The newest session (from 1) that a model was fitted to: by the dates in the names of its recordings, or the last
 /// one.
 fn newest(file: &ModelFile) -> u32 {
-    let by_date = by_date(file.sessions.iter().map(|s| s.recording.as_str())).and_then(|order| order.last().copied());
+    let by_date = date::newest(file.sessions.iter().map(|s| s.recording.as_str()));
     u32::try_from(by_date.map_or(file.sessions.len(), |k| k + 1)).unwrap_or(u32::MAX).max(1)
 }
 

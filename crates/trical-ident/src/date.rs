@@ -30,6 +30,12 @@ pub(crate) fn by_date<'a>(names: impl Iterator<Item = &'a str>) -> Option<Vec<us
     Some(order)
 }
 
+/// The newest recording (from 0) by the dates in `names`; `None` where some have none.
+#[must_use]
+pub fn newest<'a>(names: impl Iterator<Item = &'a str>) -> Option<usize> {
+    by_date(names)?.last().copied()
+}
+
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
@@ -50,7 +56,7 @@ mod tests {
     #[test]
     fn names_are_ordered_by_their_dates_where_all_have_one() {
         let names = ["b 2026-02-01.csv", "a 2026-03-01.csv", "c 2026-01-01.csv"];
-        assert_eq!(by_date(names.into_iter()), Some(vec![2, 0, 1]));
+        assert_eq!((by_date(names.into_iter()), newest(names.into_iter())), (Some(vec![2, 0, 1]), Some(1)));
         assert_eq!(by_date(["2026-02-01.csv", "a.csv"].into_iter()), None);
     }
 }

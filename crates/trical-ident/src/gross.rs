@@ -132,8 +132,8 @@ pub(crate) fn robust_fit_of_the_richest(robot: &Robot, cell: &Cell, data: &Datas
 }
 
 fn robust_fit(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet) -> Result<(Forward, Noise)> {
-    // balls that were put down otherwise in another session are no gross errors
-    let own = OwnSetup { tool: Vec::new(), ..OwnSetup::all(data.names.len()) };
+    // a tool that was mounted, or balls that were put down, otherwise in another session are no gross errors
+    let own = OwnSetup::all(data.names.len());
     let (model, _) = prepared(robot, cell, data, &Choice::from(set).with_own(own))?;
     let known = crate::ball_places::usual(&model, data);
     let free: Vec<usize> = (0..model.terms.len()).collect();

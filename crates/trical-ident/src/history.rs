@@ -134,8 +134,8 @@ fn due(sessions: &[Comparison], steps: &[f64], trend: Option<Trend>, need: Optio
     }
     if ["arm changed", "does not fit"].contains(&last.verdict) {
         return format!(
-            "The arm seems to have changed in the last session ({}), but the calibration itself leaves errors that can look like it: compare \
-             with a diagnosed model before you calibrate anew.",
+            "The arm seems to have changed in the last session ({}), but what the model does not say there can look like it, as told above: see \
+             to that before you calibrate anew.",
             last.recording
         );
     }

@@ -28,7 +28,7 @@ pub mod calibration;
 pub mod caution;
 pub mod compare;
 pub mod dataset;
-mod date;
+pub mod date;
 pub mod degenerate;
 pub mod error;
 pub mod fit;

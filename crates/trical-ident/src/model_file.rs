@@ -10,6 +10,7 @@ use trical_model::{
 };
 
 use crate::dataset::{Dataset, JointSource, References};
+use crate::date::newest;
 use crate::error::{IdentError, Result};
 use crate::identify::Identified;
 use crate::units::{unit, unit_of_turning};
@@ -100,6 +101,24 @@ fn of_course(fitted: &Identified) -> Result<f64> {
     let each = || sums.iter().flatten().filter(|(_, _, n)| *n > 0.0);
     let about: f64 = each().map(|(sum, squares, n)| squares - sum * sum / n).sum();
     Ok((about.max(0.0) / each().map(|s| s.2).sum::<f64>().max(1.0)).sqrt())
+}
+
+/// A joint that has another zero in the newest session than in the others keeps it: the arm's becomes that one, and the others differ. Without dates
+/// nothing says which is the newest.
+fn take_present_zeros(model: &mut Model, names: &[String]) {
+    let Some(newest) = newest(names.iter().map(String::as_str)).filter(|_| names.len() > 1) else { return };
+    let number = |session: usize| u32::try_from(session + 1).unwrap_or(u32::MAX);
+    let is_present =
+        |t: &Term| matches!(t.site, Site::Joint { .. }) && t.basis == Basis::CONSTANT.in_session(number(newest));
+    let mut before = Vec::new();
+    for t in model.terms.iter_mut().filter(|t| is_present(t)) {
+        for session in (0..names.len()).filter(|s| *s != newest).map(number) {
+            let name = format!("{}_session_{session}", t.name);
+            before.push(Term { name, value: -t.value, basis: Basis::CONSTANT.in_session(session), ..t.clone() });
+        }
+        t.basis = Basis::CONSTANT;
+    }
+    model.terms.extend(before);
 }
 
 /// Beyond so many terms their correlation is not kept: the file would be longer than many recordings.
@@ -325,9 +344,10 @@ fn table(text: &str) -> toml::Table {
 }
 
 impl ModelFile {
-    /// A model that was fitted to `data`.
+    /// A model that was fitted to `data`. The arm is as it was in the newest session, where the dates in the names of the recordings say which that is.
     #[must_use]
-    pub fn of(model: Model, data: &Dataset) -> Self {
+    pub fn of(mut model: Model, data: &Dataset) -> Self {
+        take_present_zeros(&mut model, &data.names);
         let each = data.names.iter().zip(&data.fingerprints).zip(&data.frame_of_recording).enumerate();
         let poses = |recording: usize| -> Vec<Joints> {
             data.observations.iter().filter(|o| o.recording == recording).map(|o| o.state.q).collect()

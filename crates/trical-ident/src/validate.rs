@@ -103,6 +103,9 @@ pub struct LeftOut {
     pub effect: String,
     /// In words.
     pub reason: String,
+    /// What the recordings would have to have.
+    #[serde(skip)]
+    pub needs: Option<&'static str>,
 }
 
 /// Position errors of the nominal arm and of the model.
@@ -275,7 +278,7 @@ pub(crate) struct Adapted {
     pub data: Dataset,
     places: Vec<Place>,
     /// Terms that say nothing of these recordings.
-    left_out: Vec<LeftOut>,
+    pub(crate) left_out: Vec<LeftOut>,
     /// Effects that are here as they were at the end of the model's only session.
     carried_over: Vec<String>,
     known: Vec<References>,
@@ -508,7 +511,7 @@ fn leave_out(model: &mut Model, data: &Dataset, places: &[Place]) -> Vec<LeftOut
             missing.map(|what| format!("needs {what}, which these recordings do not have"))
         };
         if let Some(reason) = reason {
-            out.push(LeftOut { term: t.name.clone(), effect: t.effect.clone(), reason });
+            out.push(LeftOut { term: t.name.clone(), effect: t.effect.clone(), reason, needs: missing });
         }
         !elsewhere && missing.is_none()
     });

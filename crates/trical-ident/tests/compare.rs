@@ -273,6 +273,23 @@ fn one_touch_among_many_is_wrong_where_it_is_far_beyond_the_others_and_not_where
         compare(&truth.cell, &file, &recording, None).unwrap().verdict
     };
     assert_eq!([told(-6.5 * NOISE), told(-10.0 * NOISE)], ["unchanged", "wrong touches"]);
+    // however far: the others are as they were
+    assert_eq!(told(2e-3), "wrong touches");
+}
+
+#[test]
+fn what_the_calibration_needs_and_the_recording_does_not_have_is_told() {
+    let truth = truth();
+    let mut file = calibrated(&truth);
+    let warm = Basis::new(trical_model::Variable::Temperature { reference_c: 20.0 }, trical_model::Shape::Linear);
+    let term = Term::new("warm_3", "thermal_zero_drift", Site::Joint { joint: 3 }, warm);
+    file.model.terms.push(Term { value: 1e-5, ..term });
+    let mut recording = later(&truth, None, "new.csv", 99);
+    recording.rows.iter_mut().for_each(|r| r.state.temp_c = None);
+    let c = compare(&truth.cell, &file, &recording, None).unwrap();
+    let said =
+        "the calibration needs temperature (temp_c) (for thermal zero drift), which this recording does not have";
+    assert!(c.summary.contains(said) && c.doubt.is_some(), "{}", c.summary);
 }
 
 #[test]

@@ -12,7 +12,7 @@ use trical_ident::{
     calibrate, fit_model, identify, simulate, validate,
 };
 use trical_model::pose::rotation_zyx;
-use trical_model::{Axis, Basis, Model, Pose, Recording, Scope, Shape, Site, State, Task, Term, Variable};
+use trical_model::{Axis, Basis, Forward, Model, Pose, Recording, Scope, Shape, Site, State, Task, Term, Variable};
 
 /// Standard deviation of each coordinate, m.
 const NOISE: f64 = 1e-5;
@@ -350,6 +350,19 @@ fn what_a_few_measurements_say_of_many_is_no_error_of_a_fit_to_all() {
 }
 
 #[test]
+fn a_gross_error_is_one_in_a_session_with_a_tool_of_its_own() {
+    let truth = truth();
+    let mut second = seen(&truth, 2, [2e-3, -1e-3, 3e-3]);
+    second.rows.truncate(40);
+    if let trical_model::Measured::Point { position, .. } = &mut second.rows[7].measured {
+        position[2] += 1e-3;
+    }
+    let c = learnt(&truth, &[seen(&truth, 1, [0.0; 3]), second], ToolSharing::FromData);
+    assert_eq!(c.named.iter().map(|r| r.line).collect::<Vec<_>>(), [9], "{:?}", c.named);
+    assert!(c.errors.max_mm < 0.06, "{:?}", c.errors);
+}
+
+#[test]
 fn whoever_knows_better_may_say_which_sessions_share_a_tool() {
     let truth = truth();
     let sessions = [seen(&truth, 1, [0.0; 3]), seen(&truth, 2, [2e-3, -1e-3, 3e-3])];
@@ -444,4 +457,31 @@ fn a_model_file_keeps_how_far_the_day_moved_the_measurements() {
     let expected = drift.abs() * ((60.0_f64.powi(2) - 1.0) / 12.0 / 3.0).sqrt();
     assert!((of_file.course / expected - 1.0).abs() < 1e-6, "{} {expected}", of_file.course);
     assert!((of_file.noise / NOISE - 1.0).abs() < 0.2, "{}", of_file.noise);
+}
+
+#[test]
+fn a_joint_that_has_another_zero_in_the_newest_session_keeps_it() {
+    let mut truth = truth();
+    let zero = Term::new("zero_shift_3", "joint_zero_shift", Site::Joint { joint: 3 }, Basis::CONSTANT.in_session(2));
+    truth.terms.push(Term { value: 1e-3, ..zero });
+    let names = |names: [&str; 3]| {
+        let sessions: Vec<Recording> =
+            (1..).zip(names).map(|(s, name)| Recording { name: name.into(), ..seen(&truth, s, [0.0; 3]) }).collect();
+        ModelFile::of(truth.clone(), &Dataset::build(&sessions, JointSource::Read, None).unwrap()).model
+    };
+    let undated = names(["a.csv", "b.csv", "c.csv"]);
+    assert_eq!(undated.terms, truth.terms);
+    assert_eq!(names(["2026-01-01.csv", "2026-02-01.csv", "2026-03-01.csv"]).terms, truth.terms);
+    let now = names(["2026-01-01.csv", "2026-03-01.csv", "2026-02-01.csv"]);
+    let moved = |model: &Model, session: Option<u32>| {
+        let forward = Forward::new(model.clone(), Vec::new()).unwrap();
+        let state = State { session, ..State::at(&[0.1, 0.2, -0.3, 0.4, 0.5, -0.6]) };
+        forward.world_from_tool(&state, &mut forward.workspace()).translation
+    };
+    for session in [1, 2, 3] {
+        let apart = moved(&now, Some(session)) - moved(&truth, Some(session));
+        assert!(apart.norm() < 1e-6, "session {session}: {apart:?}");
+    }
+    // another day the arm is as in the newest (gravity turns with the zero of the arm, not of a day: less than 1 um)
+    assert!((moved(&now, None) - moved(&truth, Some(2))).norm() < 1e-6);
 }

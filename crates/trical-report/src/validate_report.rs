@@ -176,7 +176,8 @@ mod tests {
         let mut v = validation(1.0, 0.5);
         assert!(page(&v).contains("After is the model as it is in its file.</p>"));
         v.sessions[0].refitted = vec!["frame"];
-        let place = LeftOut { term: "place_x_1".into(), effect: "place".into(), reason: "other balls".into() };
+        let place =
+            LeftOut { term: "place_x_1".into(), effect: "place".into(), reason: "other balls".into(), needs: None };
         v.left_out.push(place);
         let page = page(&v);
         assert!(page.contains("as it is in its file, but for what was identified anew here.</p>"));

@@ -1,11 +1,14 @@
 //! What a comparison found: changes, verdict, and a summary in plain sentences.
 
+use std::collections::BTreeSet;
+
 use serde::Serialize;
 use trical_model::Scope;
 
-use super::settings::{BEYOND, CHANGES, MORE_SCATTER, NO_FIT, UNUSUAL};
+use super::settings::{BEYOND, CHANGES, FAR_TURNED_DEG, MORE_SCATTER, NO_FIT, UNUSUAL};
 use crate::dataset::Rejected;
 use crate::rigid::moved;
+use crate::validate::LeftOut;
 
 /// One number of a change.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -99,10 +102,11 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Writes the summary, and behind it the doubt where there is one; `usual_mm` is the usual noise of the instrument.
-    pub(super) fn tell(&mut self, usual_mm: Option<f64>) {
+    /// Writes the summary, and behind it the doubt where there is one; `usual_mm` is the usual noise of the instrument, `left_out` terms of the
+    /// calibration that say nothing here.
+    pub(super) fn tell(&mut self, usual_mm: Option<f64>, left_out: &[LeftOut]) {
         self.summary = summary(self);
-        self.doubt = doubt(self, usual_mm);
+        self.doubt = lacking(left_out).or_else(|| turned_far(&self.changes)).or_else(|| doubt(self, usual_mm));
         if let Some(doubt) = &self.doubt {
             self.summary += &format!(" {doubt}");
         }
@@ -134,6 +138,31 @@ pub(super) fn verdict(changes: &[Change], visible: &[Visible], more_noise: f64) 
 /// "target 2" and "x" of "target 2 x".
 pub(super) fn point_and_axis(name: &str) -> (&str, &str) {
     name.rsplit_once(' ').unwrap_or((name, ""))
+}
+
+/// What the calibration knows of the arm, and the recording does not let it say.
+fn lacking(left_out: &[LeftOut]) -> Option<String> {
+    let needs = left_out.iter().filter_map(|l| Some((l.needs?, l.effect.replace('_', " "))));
+    let all: BTreeSet<String> = needs.map(|(what, effect)| format!("{what} (for {effect})")).collect();
+    (!all.is_empty()).then(|| {
+        format!(
+            "But the calibration needs {}, which this recording does not have: what is left out of the model for that looks like a change of the \
+             arm, or hides one.",
+            all.into_iter().collect::<Vec<_>>().join(" and ")
+        )
+    })
+}
+
+/// A tool that was turned so far that what is said of it, and of all else, in the linear picture is not so.
+fn turned_far(changes: &[Change]) -> Option<String> {
+    let turned = changes.iter().filter(|c| c.what == "tool").flat_map(|c| &c.by).filter(|b| b.unit == "deg");
+    let far = turned.map(|b| b.value.powi(2)).sum::<f64>().sqrt();
+    (far > FAR_TURNED_DEG).then(|| {
+        format!(
+            "But the tool was turned by {far:.0} deg, too far for what else is told here: identify it anew on this recording, or calibrate from \
+             both."
+        )
+    })
 }
 
 /// What makes a change less sure than its number says: errors of the arm that the calibration lacks differ from pose to pose.

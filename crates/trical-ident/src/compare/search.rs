@@ -25,7 +25,7 @@ impl Tried {
 }
 
 /// What changed, the surest first.
-pub(super) fn changes(whitened: &Whitened<'_>) -> Vec<Change> {
+pub(super) fn changes(whitened: &mut Whitened<'_>) -> Vec<Change> {
     let explanations = &whitened.explained.explanations;
     let limit = FALSE_ALARMS / explanations.len() as f64;
     let rows = whitened.rows as f64;
@@ -58,6 +58,8 @@ pub(super) fn changes(whitened: &Whitened<'_>) -> Vec<Change> {
         });
         taken.push(best);
         extend(&mut basis, &whitened.columns[best]);
+        let wrong: Vec<usize> = taken.iter().copied().filter(|k| !explanations[*k].is_of_machine()).collect();
+        whitened.leave_out(&wrong);
     }
     for (change, by) in out.iter_mut().zip(sizes(whitened, &taken)) {
         change.by = by;

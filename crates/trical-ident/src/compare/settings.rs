@@ -24,6 +24,9 @@ pub(super) const FEW: usize = 60;
 /// places than at most others, so that its errors have longer tails than those of an instrument.
 pub(super) const TAILS: f64 = 8.0;
 
+/// A comparison is linear in what changed: of a tool that turned by more than this the rest is not told rightly.
+pub(super) const FAR_TURNED_DEG: f64 = 5.0;
+
 /// Measurements that scatter so many times as much as in the old session are worth a sentence, and so many times do not fit the model: something
 /// changed that none of the explanations is.
 pub(super) const MORE_SCATTER: f64 = 1.3;

@@ -24,6 +24,9 @@ pub(super) struct Whitened<'a> {
     pub rows: usize,
     /// By how much the variance of what no explanation takes up is larger than it was, at least 1.
     pub more_noise: f64,
+    /// Orthonormal directions of all that may have changed of the machine, and how many directions are new in any case.
+    machine: Vec<Vec<f64>>,
+    new: usize,
 }
 
 /// Takes out of `v` what lies along the orthonormal `basis`, twice for the digits.
@@ -98,12 +101,21 @@ impl<'a> Whitened<'a> {
         };
         let columns: Vec<Vec<Vec<f64>>> = explanations.iter().map(columns_of).collect();
         let residual = freed(white(residual));
-        let mut basis = Vec::new();
+        let mut machine = Vec::new();
         for (_, columns) in explanations.iter().zip(&columns).filter(|(e, _)| e.is_of_machine()) {
-            extend(&mut basis, columns);
+            extend(&mut machine, columns);
         }
-        let more_noise = more_noise(residual.clone(), &basis, count);
-        Ok(Self { explained, residual, columns, rows, more_noise })
+        let more_noise = more_noise(residual.clone(), &machine, count);
+        Ok(Self { explained, residual, columns, rows, more_noise, machine, new: count })
+    }
+
+    /// Does not count what measurements that are wrong scatter: these explanations of them were taken.
+    pub fn leave_out(&mut self, wrong: &[usize]) {
+        let mut basis = self.machine.clone();
+        for k in wrong {
+            extend(&mut basis, &self.columns[*k]);
+        }
+        self.more_noise = more_noise(self.residual.clone(), &basis, self.new);
     }
 }
 

@@ -44,16 +44,20 @@ def _sources(recordings: Recordings) -> list[str | Rows]:
     return [one(r) for r in ([given] if is_one(given) or not hasattr(given, "__iter__") else given)]
 
 
-def _file(part: PathLike | Robot | Cell) -> Any:
-    if isinstance(part, Robot | Cell):
+def _part(name: str, part: Any, kind: type[Robot | Cell]) -> Any:
+    if isinstance(part, kind):
         return part
     if not isinstance(part, str | bytes | os.PathLike):
-        raise TypeError(f"found {type(part).__name__}, expected the path of a file, or a Robot or Cell")
+        raise TypeError(f"{name}: found {type(part).__name__}, expected the path of a file, or a {kind.__name__}")
     return path_of(part)
 
 
+def _robot(robot: PathLike | Robot) -> Any:
+    return _part("robot", robot, Robot)
+
+
 def _machine(robot: PathLike | Robot, cell: PathLike | Cell) -> tuple[Any, Any]:
-    return _file(robot), _file(cell)
+    return _robot(robot), _part("cell", cell, Cell)
 
 
 def _fields(result: type[Identified | Validation], answer: dict[str, Any]) -> dict[str, Any]:
@@ -129,6 +133,7 @@ def identify(
     answer = _native._identify(_sources(recordings), _machine(robot, cell), given, listening)
     fitted, text, errors, covariance, told = answer
     s = json.loads(text)
+    s["answer"] = json.loads(text)
     s["held_out"] = {how: errors for how, errors in s["held_out"].items() if errors is not None}
     s["not_identifiable"] = [(name, others) for name, *others in s["not_identifiable"]]
     s |= {"model": fitted, "covariance": covariance, "errors_mm": errors}
@@ -255,7 +260,7 @@ def repeatability(
     if not isinstance(recording, Recording) and (robot is None or cell is None):
         inside = _native._inside(os.fspath(recording))
         robot, cell = (inside[0] if robot is None else robot, inside[1] if cell is None else cell)
-    parts = (None if robot is None else _file(robot), None if cell is None else _file(cell))
+    parts = (None if robot is None else _robot(robot), None if cell is None else _part("cell", cell, Cell))
     result: dict[str, Any] = json.loads(_native._repeatability(rows, *parts, same))
     return result
 

@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from . import _html, _native
-from ._calls import _file, _machine, _three
+from ._calls import _machine, _robot, _three
 from ._native import Cell, ControllerLink, GaugeLink, Model, Robot, TricalError, VirtualCell
 from ._recording import PathLike
 
@@ -257,7 +257,7 @@ class Controller(_Device):
             goal = [float(x) for x in np.asarray(to, dtype=np.float64).ravel()]
         given: dict[str, Any] = {"joint": one, "to": goal, "max_angle": max_angle, "speed": speed, "go": go}
         given["tool"] = None if tool is None else _three(tool, "tool")
-        given["robot"] = None if robot is None else _file(robot)
+        given["robot"] = None if robot is None else _robot(robot)
         _, after = self._link.jog(given)
         return after
 

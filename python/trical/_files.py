@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from . import _native
-from ._calls import _file, _model, _path_of_model
+from ._calls import _model, _path_of_model, _robot
 from ._given import whole
 from ._native import Model, Robot, TricalError
 from ._recording import PathLike
@@ -92,6 +92,6 @@ def export(
     files = {"urdf": urdf, "mdh": mdh, "error_map": error_map, "ur_kinematics": ur_kinematics}
     if not any(files.values()):
         raise TricalError("export was given nothing to write, expected urdf, mdh, error_map or ur_kinematics")
-    given = {**files, "robot": None if robot is None else _file(robot), "poses": whole("poses", poses)}
+    given = {**files, "robot": None if robot is None else _robot(robot), "poses": whole("poses", poses)}
     said: dict[str, Any] = json.loads(_native._export(_model(model), _path_of_model(model), given))
     return said

@@ -55,6 +55,8 @@ class Identified(Certified):
     held at nominal because joints hardly move, `near_nominal` what weak priors determine rather than the measurements,
     `elasticity` says from what compliance is known ("torques", "masses", "inclination", "not_asked"), and `orientation`
     has the errors of orientation before and after (mean_deg, rms_deg, max_deg) where full poses were measured.
+    `answer` has all of the command's JSON: distances of balls at unknown places, what was tried there, what stopped at a
+    limit of `known`.
     """
 
     model: Model
@@ -78,6 +80,7 @@ class Identified(Certified):
     near_nominal: list[str] = field(default_factory=list)
     elasticity: str = "not_asked"
     orientation: list[dict[str, float]] | None = None
+    answer: dict[str, Any] = field(default_factory=dict)
 
     def _errors(self) -> list[tuple[str, Errors | None]]:
         return [

@@ -138,7 +138,7 @@ fn a_joint_whose_zero_differs_between_sessions_is_told_as_of_one_of_them_and_of_
 fn touches_and_full_poses_of_one_arm_are_diagnosed_together() {
     let mut model = truth(ParameterSet::Compliance, 47);
     let touched = touch(&model, 80, 8e-6, 48);
-    model.frames = vec![trical_model::Pose::identity()];
+    model.frames = vec![Pose::identity()];
     let poses: Vec<_> = touch(&model, 80, 0.0, 49).rows.iter().map(|r| (r.state, Aim::Pose)).collect();
     let seen = simulate(&model, &poses, &Scatter { length: 1e-5, angle: 5e-5, seed: 50 }, None).unwrap();
     let data = Dataset::build(&[touched, seen], JointSource::Read, None).unwrap();

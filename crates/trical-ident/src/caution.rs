@@ -1,6 +1,6 @@
 //! What about a fit should make its owner look twice, though nothing is wrong with the arithmetic.
 
-use trical_model::{Axis, Basis, JointKind, Measured, Model, Motion, Parameter, Robot, Site, Term, Variable};
+use trical_model::{Axis, Basis, Joint, JointKind, Measured, Model, Motion, Parameter, Robot, Site, Term, Variable};
 
 use crate::dataset::Dataset;
 use crate::degenerate::hardly_moving;
@@ -56,6 +56,22 @@ pub fn beyond_limits(robot: &Robot, data: &Dataset) -> Option<String> {
             all.join(", ")
         )
     })
+}
+
+/// A joint that turns farther than this, rad, has limits in other units.
+const TURNS_SO_FAR: f64 = 20.0;
+
+/// What to say of joints that may turn many times by the robot file.
+#[must_use]
+pub fn odd_limits(robot: &Robot) -> Option<String> {
+    let far = |j: &Joint| j.kind == JointKind::Revolute && j.limits.iter().any(|l| l.abs() > TURNS_SO_FAR);
+    let (k, joint) = robot.joints.iter().enumerate().find(|(_, j)| far(j))?;
+    let [low, high] = joint.limits.map(f64::to_degrees);
+    Some(format!(
+        "joint {} turns from {low:.0} to {high:.0} deg by the robot file, {:.0} turns: are its limits in deg where the file has rad?",
+        k + 1,
+        (high - low) / 360.0
+    ))
 }
 
 /// Errors that are left after identification and that no arm has: what was given does not go together.

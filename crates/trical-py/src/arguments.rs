@@ -8,7 +8,7 @@ use trical_ident::{JointSource, ParameterSet};
 
 use crate::errors::bad;
 
-/// The keywords of a public function, in a dict. One that does not fit is refused as Python refuses an argument.
+/// The keywords of a public function, in a dict. One that does not fit is refused by its name.
 pub fn keywords<'py, T>(given: &Bound<'py, PyDict>) -> PyResult<T>
 where
     T: for<'a> FromPyObject<'a, 'py, Error = PyErr>,
@@ -18,10 +18,8 @@ where
         let Some(cause) = e.cause(py) else { return e };
         // "failed to extract field Keywords.folds"
         let text = e.to_string();
-        let note = format!("while processing '{}'", text.rsplit('.').next().unwrap_or(&text));
-        // notes are from Python 3.11 on
-        drop(cause.value(py).call_method1("add_note", (note,)));
-        cause
+        let name = text.rsplit('.').next().unwrap_or(&text);
+        PyErr::from_type(cause.get_type(py), format!("{name}: {}", cause.value(py)))
     })
 }
 

@@ -8,17 +8,22 @@ use trical_model::{Joints, Robot, State};
 
 use crate::errors::bad;
 
-/// A value as an array of floats: not copied where it is one.
+/// A value as an array of floats: not copied where it is one. What a masked array hides is missing: not a number.
 pub fn floats<'py>(value: &Bound<'py, PyAny>, name: &str) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
     let py = value.py();
     let numpy = py.import("numpy")?;
+    let keywords = [("dtype", "float64")].into_py_dict(py)?;
+    let wrong = |e: PyErr| bad(format!("{name}: expected numbers or an array of them ({})", e.value(py)));
+    let masked = py.import("numpy.ma")?;
+    if masked.call_method1("isMaskedArray", (value,))?.is_truthy()? {
+        let floats = value.call_method1("astype", ("float64",)).map_err(wrong)?;
+        return floats.call_method1("filled", (f64::NAN,)).map_err(wrong)?.extract().map_err(wrong);
+    }
     if let Ok(array) = value.extract::<PyReadonlyArrayDyn<'py, f64>>() {
         return Ok(array);
     }
-    let keywords = [("dtype", "float64")].into_py_dict(py)?;
-    let wrong = |e: PyErr| bad(format!("{name}: expected numbers or an array of them ({})", e.value(py)));
     let array = numpy.call_method("asarray", (value,), Some(&keywords)).map_err(wrong)?;
-    array.extract::<PyReadonlyArrayDyn<'py, f64>>().map_err(wrong)
+    array.extract().map_err(wrong)
 }
 
 fn finite<'py>(array: PyReadonlyArrayDyn<'py, f64>, name: &str) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {

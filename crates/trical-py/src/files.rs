@@ -27,7 +27,7 @@ pub fn _convert(py: Python<'_>, input: PathBuf, output: PathBuf, joints: Option<
                 return Err(bad(format!("{}: an arm is written as .toml", output.display())).into());
             }
             write(&output, arm.to_toml(&source.path).as_bytes())?;
-            return Ok(json!({ "joints": arm.joints, "root": arm.root, "tip": arm.tip, "out": output }));
+            return Ok(json!({ "joints": arm.robot.joint_names, "root": arm.root, "tip": arm.tip, "out": output }));
         }
         let (recording, lost) = open_damaged(&input, joints)?;
         save(&recording, &output)?;

@@ -12,7 +12,7 @@ use pyo3::types::{PyBytes, PyDict, PyList};
 use trical_model::{MAX_JOINTS, Measured, Recording, Robot, Row, State};
 use trical_recording::csv::is_nothing;
 use trical_recording::mcap::{Header, write_recording};
-use trical_recording::{Expected, Places, open, open_damaged, output, parse, refuse_other_units, to_csv};
+use trical_recording::{Expected, Places, ROOM_C, open, open_damaged, output, parse, refuse_other_units, to_csv};
 
 use crate::arguments::path_of;
 use crate::arrays::floats;
@@ -188,8 +188,15 @@ impl Columns {
         }
         let mut prismatic = None;
         if let Some(slides) = columns.get_item("prismatic")? {
+            let slides: Vec<bool> = slides.extract()?;
+            if slides.len() != joints {
+                return Err(wrong(format!(
+                    "prismatic has {} values, expected one for each of {joints} joints",
+                    slides.len()
+                )));
+            }
             let to = prismatic.insert([false; MAX_JOINTS]);
-            to.iter_mut().zip(slides.extract::<Vec<bool>>()?).for_each(|(to, from)| *to = from);
+            to.iter_mut().zip(slides).for_each(|(to, from)| *to = from);
         }
         Ok(Self {
             q: column("q", joints)?,
@@ -241,6 +248,9 @@ impl Columns {
         let number = |column: &Column| Ok::<_, PyErr>(column.within(k, 1e9)?.map(|x| x[0]));
         state.t = number(&self.time)?;
         state.temp_c = number(&self.temperature)?;
+        if let Some(found) = state.temp_c.filter(|t| !ROOM_C.contains(t)) {
+            return Err(self.temperature.wrong(k, found, &format!("{} to {} degC", ROOM_C.start(), ROOM_C.end())));
+        }
         state.payload_kg = number(&self.payload)?;
         if let Some(t) = state.t {
             if t < *last {

@@ -428,7 +428,7 @@ pub(crate) fn left_out(lines: &[usize]) -> Option<String> {
 const MOST_PROBLEMS: usize = 6;
 
 /// Temperatures in which arms are measured, degC, with room beyond.
-const ROOM_C: std::ops::RangeInclusive<f64> = -100.0..=200.0;
+pub const ROOM_C: std::ops::RangeInclusive<f64> = -100.0..=200.0;
 
 /// One message with all problems of a file, the first one first.
 fn all_in_one(problems: Vec<RecordError>) -> Option<RecordError> {

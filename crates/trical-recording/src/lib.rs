@@ -39,7 +39,7 @@ pub mod stream;
 pub mod visits;
 pub mod whole;
 
-pub use crate::csv::{load_csv, parse_csv, write_csv};
+pub use crate::csv::{ROOM_C, load_csv, parse_csv, write_csv};
 pub use crate::mcap::{ReadRecording, RecordingWriter, RunLog, read_recording, write_recording};
 pub use error::{RecordError, Result};
 pub use open::{Expected, is_mcap, open, open_damaged, parse, refuse_other_units, to_csv};

@@ -113,13 +113,7 @@ impl Export {
                 ))
             }
             Some("json") => {
-                let pose = |p: &Pose| {
-                    let xyz_mm = [p.translation.x, p.translation.y, p.translation.z].map(|x| tidy(x * 1e3));
-                    let zyx_deg = angles_zyx(&p.rotation).map(|a| tidy(a.to_degrees()));
-                    json!({ "xyz_mm": xyz_mm, "zyx_deg": zyx_deg })
-                };
                 let nominal = if rigid.same_frames { lines(&model.robot) } else { Vec::new() };
-                let tool = Pose { rotation: rigid.cell.tool.rotation, translation: rigid.cell.tool.tcp };
                 Ok(serde_json::to_string_pretty(&json!({
                     "robot": rigid.robot.name,
                     "convention": "T(i-1, i) = Rx(alpha) Tx(a) Ry(beta) Rz(theta + theta_offset) Tz(d); R = Rz(a) Ry(b) Rx(c) in zyx_deg",
@@ -128,7 +122,7 @@ impl Export {
                     "joints": lines(&rigid.robot),
                     "nominal_joints": nominal,
                     "frame_n_from_flange": pose(&rigid.robot.last_from_flange),
-                    "flange_from_tcp": pose(&tool),
+                    "flange_from_tcp": self.flange_from_tcp(),
                     "left_out": left_out.names,
                     "left_out_rms_mm": left_out.rms_mm,
                     "left_out_max_mm": left_out.max_mm,
@@ -159,6 +153,23 @@ impl Export {
         self.left_out.sentences()
     }
 
+    /// Where the tool is, of which a URDF of somebody else's has nothing; `None` where it is as the cell file says.
+    #[must_use]
+    pub fn tool_sentence(&self) -> Option<String> {
+        let (was, now) = (&self.model.cell.tool, &self.rigid.cell.tool);
+        let moved = (now.tcp - was.tcp).norm();
+        let turned = (was.rotation.transpose() * now.rotation - nalgebra::Matrix3::identity()).norm();
+        (moved > 1e-7 || turned > 1e-7).then(|| {
+            let [x, y, z] = [now.tcp.x, now.tcp.y, now.tcp.z].map(|x| x * 1e3);
+            let [a, b, c] = angles_zyx(&now.rotation).map(f64::to_degrees);
+            format!(
+                "The tool is not part of that URDF, and was identified with the arm: behind the corrected flange its TCP is at {x:.4}, {y:.4}, {z:.4} mm \
+                 with zyx_deg {a:.4}, {b:.4}, {c:.4}, {:.4} mm from where the cell file has it. Who uses the URDF needs that, too.",
+                moved * 1e3
+            )
+        })
+    }
+
     /// What was written and what was left out, as JSON.
     #[must_use]
     pub fn json(&self, written: &[String]) -> serde_json::Value {
@@ -169,8 +180,21 @@ impl Export {
             "left_out_rms_mm": self.left_out.rms_mm,
             "left_out_max_mm": self.left_out.max_mm,
             "same_frames": self.rigid.same_frames,
+            "flange_from_tcp": self.flange_from_tcp(),
         })
     }
+
+    fn flange_from_tcp(&self) -> serde_json::Value {
+        let tool = &self.rigid.cell.tool;
+        pose(&Pose { rotation: tool.rotation, translation: tool.tcp })
+    }
+}
+
+/// A pose in mm and deg.
+fn pose(p: &Pose) -> serde_json::Value {
+    let xyz_mm = [p.translation.x, p.translation.y, p.translation.z].map(|x| tidy(x * 1e3));
+    let zyx_deg = angles_zyx(&p.rotation).map(|a| tidy(a.to_degrees()));
+    json!({ "xyz_mm": xyz_mm, "zyx_deg": zyx_deg })
 }
 
 /// The columns of the CSV; a limit has its own column for each unit, and one of them is empty.

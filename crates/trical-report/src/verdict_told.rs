@@ -168,7 +168,8 @@ pub fn cautions(d: &Diagnosis) -> Vec<String> {
         .chain(none_sure(d).map(str::to_owned))
         .chain(which)
         .chain(d.cautions.iter().cloned())
-        .chain(caution::beyond_limits(&d.model.robot, &d.data));
+        .chain(caution::beyond_limits(&d.model.robot, &d.data))
+        .chain(caution::odd_limits(&d.model.robot));
     all.map(|c| table::ended(&c)).collect()
 }
 

@@ -7,7 +7,7 @@ use trical_ident::{ModelFile, write_whole};
 use trical_model::Robot;
 use trical_model::calibrated::{corrected_file, ur_kinematics};
 use trical_model::urdf::UrdfPath;
-use trical_report::{ErrorMap, Export};
+use trical_report::{ErrorMap, Export, table};
 
 use crate::error::Result;
 use crate::{input, say, say_lines};
@@ -108,5 +108,7 @@ pub fn run(args: &Args) -> Result<()> {
         )?;
     }
     say_lines(arm.sentences())?;
+    let corrected = args.urdf.is_some() && args.robot.as_deref().and_then(UrdfPath::of).is_some();
+    say_lines(arm.tool_sentence().filter(|_| corrected).iter().flat_map(|t| table::wrapped(t, 108, "")))?;
     Ok(())
 }

@@ -9,6 +9,9 @@ use crate::robot::{Joint, JointKind, Robot};
 /// No pose has more solutions than this listed: an arm of six joints that turn twice has 8 branches x 64 wraps.
 pub(super) const MOST: usize = 4096;
 
+/// Of a joint whose limits leave more whole turns, those nearest to their middle are listed.
+const TURNS: usize = 5;
+
 /// Solutions that differ by less than this in every joint are one, rad or m.
 const SAME: f64 = 1e-6;
 
@@ -125,6 +128,11 @@ pub(super) fn all_wraps(robot: &Robot, q: &Joints, out: &mut Vec<Joints>) -> Res
             while v <= upper + LIMIT_SLACK {
                 values.push(v.clamp(lower, upper));
                 v += TAU;
+            }
+            if values.len() > TURNS {
+                let from_middle = |v: &f64| (v - 0.5 * (lower + upper)).abs();
+                values.sort_by(|a, b| from_middle(a).total_cmp(&from_middle(b)));
+                values.truncate(TURNS);
             }
         } else if q[i] >= lower - LIMIT_SLACK && q[i] <= upper + LIMIT_SLACK {
             values.push(q[i].clamp(lower, upper));

@@ -387,7 +387,9 @@ def concat(recordings: Iterable[Recording], *, name: str | None = None) -> Recor
     parts = list(recordings)
     for part in parts:
         if not isinstance(part, Recording):
-            raise TypeError(f"recordings: found {type(part).__name__}, expected Recordings, as trical.Recording.load makes")
+            raise TypeError(
+                f"recordings: found {type(part).__name__}, expected Recordings (Recording.load reads a file)"
+            )
     if not parts:
         raise TricalError("found no recording, expected one or more")
     joints = {p.joints for p in parts}

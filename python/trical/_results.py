@@ -55,8 +55,8 @@ class Identified(Certified):
     held at nominal because joints hardly move, `near_nominal` what weak priors determine rather than the measurements,
     `elasticity` says from what compliance is known ("torques", "masses", "inclination", "not_asked"), and `orientation`
     has the errors of orientation before and after (mean_deg, rms_deg, max_deg) where full poses were measured.
-    `answer` has all of the command's JSON: distances of balls at unknown places, what was tried there, what stopped at a
-    limit of `known`.
+    `answer` has all of the command's JSON: distances of balls at unknown places, what was tried there, what stopped at
+    a limit of `known`.
     """
 
     model: Model

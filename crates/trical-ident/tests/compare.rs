@@ -160,7 +160,7 @@ fn what_a_new_frame_takes_up_whole_is_not_called_visible() {
     let pose = one.rows[0];
     let mut forward = truth.clone();
     forward.frames = vec![trical_model::Pose::identity()];
-    let aims: Vec<_> = (0..3).map(|target| (pose.state, trical_ident::Aim::Target(target))).collect();
+    let aims: Vec<_> = (0..3).map(|target| (pose.state, Aim::Target(target))).collect();
     let scatter = trical_ident::Scatter { length: NOISE, angle: 0.0, seed: 3 };
     one.rows = trical_ident::simulate(&forward, &aims, &scatter, None).unwrap().rows;
     let c = compare(&truth.cell, &file, &one, None).unwrap();
@@ -238,7 +238,7 @@ fn a_tool_that_was_turned_is_told_with_its_angle() {
         arm.cell.tool.rotation *= trical_model::pose::rotation_x(turn.to_radians());
         arm.frames = vec![trical_model::Pose::identity()];
         let rows = sessions::seen(&truth, session, [0.0; 3]).rows;
-        let aims: Vec<_> = rows.iter().step_by(2).map(|r| (r.state, trical_ident::Aim::Pose)).collect();
+        let aims: Vec<_> = rows.iter().step_by(2).map(|r| (r.state, Aim::Pose)).collect();
         let scatter = trical_ident::Scatter { length: NOISE, angle: 4.0 * NOISE, seed: session };
         let made = trical_ident::simulate(&arm, &aims, &scatter, None).unwrap();
         Recording { name: format!("poses{session}.csv"), ..made }

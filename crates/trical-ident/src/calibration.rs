@@ -8,7 +8,7 @@ use trical_recording::CsvStream;
 use crate::ball_places::{place_of, unknown_places};
 use crate::by_place::{ByPlace, MeasuredDistance, OfPlace, TriedByPlace, choose, doubtful_places, score_places};
 use crate::caution::{
-    EVEN_MASSES, beyond_limits, cautions, coincident, held, near_nominal, no_arm, odd_limits, too_many, which_target,
+    EVEN_MASSES, beyond_limits, cautions, coincident, held, near_nominal, no_arm, odd_units, too_many, which_target,
     without_masses,
 };
 use crate::dataset::{Dataset, JointSource, Rejected};
@@ -228,7 +228,7 @@ impl Calibration {
         out.extend(cautions(&f.model, f.observability.rows, f.free.len()));
         out.extend(self.read_otherwise.clone());
         out.extend(beyond_limits(&f.model.robot, &f.data));
-        out.extend(odd_limits(&f.model.robot));
+        out.extend(odd_units(&f.model.robot));
         if self.tried.iter().any(|t| t.kept && t.added.contains("sag")) {
             out.push(EVEN_MASSES.into());
         } else {

@@ -61,9 +61,25 @@ pub fn beyond_limits(robot: &Robot, data: &Dataset) -> Option<String> {
 /// A joint that turns farther than this, rad, has limits in other units.
 const TURNS_SO_FAR: f64 = 20.0;
 
-/// What to say of joints that may turn many times by the robot file.
+/// An arm that weighs more than this, kg, for each cubed metre of its lengths has masses in other units: table-top arms and those of 11 t have 25
+/// to 90.
+const WEIGHS_SO_MUCH: f64 = 3000.0;
+
+/// What of the robot file has other units than it should.
 #[must_use]
-pub fn odd_limits(robot: &Robot) -> Option<String> {
+pub fn odd_units(robot: &Robot) -> Vec<String> {
+    odd_limits(robot).into_iter().chain(odd_masses(robot)).collect()
+}
+
+fn odd_masses(robot: &Robot) -> Option<String> {
+    let mass: f64 = robot.joints.iter().filter_map(|j| j.mass).sum();
+    let length: f64 = robot.joints.iter().map(|j| j.a.abs() + j.d.abs()).sum();
+    (mass > WEIGHS_SO_MUCH * length.powi(3)).then(|| {
+        format!("the links weigh {mass:.0} kg by the robot file, of an arm whose lengths are {length:.2} m together: is mass_kg in g?")
+    })
+}
+
+fn odd_limits(robot: &Robot) -> Option<String> {
     let far = |j: &Joint| j.kind == JointKind::Revolute && j.limits.iter().any(|l| l.abs() > TURNS_SO_FAR);
     let (k, joint) = robot.joints.iter().enumerate().find(|(_, j)| far(j))?;
     let [low, high] = joint.limits.map(f64::to_degrees);
@@ -329,6 +345,18 @@ mod tests {
         assert!(no_arm(4.9, None).is_empty() && no_arm(0.4, Some(1.9)).is_empty());
         assert!(no_arm(53.2, Some(0.1))[0].contains("still 53 mm off"));
         assert!(no_arm(3.0, Some(26.4))[0].contains("still 26 deg off"));
+    }
+
+    #[test]
+    fn limits_in_degrees_and_masses_in_grams_are_told() {
+        let robot = Robot::parse(include_str!("../../trical-model/tests/data/arm.toml"), "arm.toml").unwrap();
+        assert!(odd_units(&robot).is_empty());
+        let mut odd = robot.clone();
+        odd.joints[1].limits = [-166.0, 166.0];
+        odd.joints.iter_mut().for_each(|j| j.mass = j.mass.map(|m| m * 1e3));
+        let said = odd_units(&odd);
+        assert!(said[0].starts_with("joint 2 turns from -9511 to 9511 deg by the robot file, 53 turns"), "{said:?}");
+        assert!(said.len() == 2 && said[1].ends_with("is mass_kg in g?"), "{said:?}");
     }
 
     #[test]

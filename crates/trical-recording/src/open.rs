@@ -9,6 +9,7 @@ use crate::bounds::check_file;
 use crate::columns::{Field, column, find};
 use crate::csv::{header_names, load_csv, parse_csv, write_csv};
 use crate::error::{RecordError, Result};
+use crate::expected::Expected;
 use crate::mcap::read_any;
 
 fn unreadable(path: &Path) -> impl FnOnce(std::io::Error) -> RecordError {
@@ -109,27 +110,6 @@ fn joints_of_header(begin: &[u8]) -> usize {
 /// As [`open`].
 pub fn parse(name: &str, bytes: &[u8]) -> Result<Recording> {
     parse_csv(bytes, name, joints_of_header(bytes.get(..1 << 16).unwrap_or(bytes)))
-}
-
-/// What is known of the arm before its recording is read.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Expected<'a> {
-    /// How many joints it has; `None`: as many as the file has.
-    pub joints: Option<usize>,
-    /// What its description calls them, joint 1 first; empty where nothing says so.
-    pub names: &'a [String],
-}
-
-impl From<Option<usize>> for Expected<'_> {
-    fn from(joints: Option<usize>) -> Self {
-        Self { joints, names: &[] }
-    }
-}
-
-impl<'a> From<&'a Robot> for Expected<'a> {
-    fn from(robot: &'a Robot) -> Self {
-        Self { joints: Some(robot.dof()), names: &robot.joint_names }
-    }
 }
 
 /// Reads a recording of the `expected` arm, CSV or MCAP. A damaged MCAP is refused: who works with a part of the data should know it

@@ -1,5 +1,6 @@
 //! Visits of sockets, taken down one by one: a CSV that grows by a row at a time, each on the disk before the next.
 
+use std::collections::BTreeSet;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -16,6 +17,7 @@ pub struct Visits {
     path: PathBuf,
     kinds: Vec<JointKind>,
     next: usize,
+    places: BTreeSet<String>,
 }
 
 impl Visits {
@@ -42,7 +44,7 @@ impl Visits {
         let mut text = Vec::new();
         file.read_to_end(&mut text).map_err(io("be read"))?;
         let header = header(&kinds);
-        let mut this = Self { file, path: path.to_owned(), kinds, next: 0 };
+        let mut this = Self { file, path: path.to_owned(), kinds, next: 0, places: BTreeSet::new() };
         let Some(first) = text.split(|b| *b == b'\n').next().filter(|l| !l.is_empty()) else {
             this.put(&header)?;
             return Ok((this, None));
@@ -56,6 +58,10 @@ impl Visits {
         let rows: Vec<&[u8]> = text.split(|b| *b == b'\n').skip(1).filter(|l| !l.trim_ascii().is_empty()).collect();
         let seq = |row: &&[u8]| String::from_utf8_lossy(row).split(',').next().and_then(|s| s.parse::<usize>().ok());
         this.next = rows.iter().filter_map(seq).max().map_or(rows.len(), |k| k + 1);
+        let column = 1 + this.kinds.len();
+        let place =
+            |row: &&[u8]| String::from_utf8_lossy(row).split(',').nth(column).map(|name| name.trim().to_owned());
+        this.places = rows.iter().filter_map(place).collect();
         let cut = text.last() != Some(&b'\n');
         if cut {
             this.file.write_all(b"\n").map_err(io("be written"))?;
@@ -80,7 +86,14 @@ impl Visits {
         let seq = self.next;
         self.put(&format!("{seq},{},{place},{socket},0,0,0", joints.join(",")))?;
         self.next += 1;
+        self.places.insert(place.to_owned());
         Ok(seq)
+    }
+
+    /// Whether there are visits at a place.
+    #[must_use]
+    pub fn has(&self, place: &str) -> bool {
+        self.places.contains(place)
     }
 
     fn put(&mut self, line: &str) -> Result<()> {

@@ -169,7 +169,7 @@ pub fn cautions(d: &Diagnosis) -> Vec<String> {
         .chain(which)
         .chain(d.cautions.iter().cloned())
         .chain(caution::beyond_limits(&d.model.robot, &d.data))
-        .chain(caution::odd_limits(&d.model.robot));
+        .chain(caution::odd_units(&d.model.robot));
     all.map(|c| table::ended(&c)).collect()
 }
 

@@ -113,8 +113,14 @@ pub fn run(args: &Args) -> Result<()> {
         note!("{cut}");
     }
     let (mut place, mut socket, mut taken) = (args.place.clone(), 1, 0_usize);
-    let mut last: Option<Joints> = None;
+    let mut last: Option<(Joints, String, usize)> = None;
+    let again = |visits: &Visits, place: &str| {
+        if visits.has(place) {
+            note!("{place} has rows already: unless the sockets have not moved since, give it another name");
+        }
+    };
     note!("{HELP}");
+    again(&visits, &place);
     let mut lines = std::io::stdin().lock().split(b'\n');
     loop {
         let _ = write!(std::io::stderr(), "{place}, socket {socket}> ");
@@ -129,6 +135,9 @@ pub fn run(args: &Args) -> Result<()> {
         match typed {
             Typed::End => break,
             Typed::Place(name) => {
+                if name != place {
+                    again(&visits, &name);
+                }
                 place = name;
                 continue;
             }
@@ -149,14 +158,21 @@ pub fn run(args: &Args) -> Result<()> {
             note!("no row: the joints are beyond the limits of {}: {}", args.robot.display(), shown(&robot, &q));
             continue;
         }
+        let near = |before: &Joints| before.iter().zip(&q).all(|(a, b)| (a - b).abs() < 0.1_f64.to_radians());
+        let before = last.as_ref().filter(|(joints, ..)| near(joints));
+        if let Some((_, at, of)) = before.filter(|(_, at, of)| (at, *of) != (&place, socket)) {
+            note!(
+                "no row: the arm stands as at the row before, which was socket {of} of {at}; put the ball into socket {socket} of {place} first"
+            );
+            continue;
+        }
         let seq = visits.push(&q, &place, socket)?;
         taken += 1;
         note!("row {seq}: {place}, socket {socket}, {}", shown(&robot, &q));
-        let near = |before: &Joints| before.iter().zip(&q).all(|(a, b)| (a - b).abs() < 0.1_f64.to_radians());
-        if last.as_ref().is_some_and(near) {
+        if before.is_some() {
             note!("the arm stands as at the row before; a visit from another side tells more");
         }
-        last = Some(q);
+        last = Some((q, place.clone(), socket));
     }
     if args.json {
         return say(serde_json::to_string_pretty(&json!({ "rows": taken, "out": args.out.display().to_string() }))?);

@@ -169,6 +169,18 @@ mod tests {
     use crate::recording::MAX_JOINTS;
 
     #[test]
+    fn of_limits_that_leave_many_turns_those_about_the_middle_are_listed() {
+        let mut robot = Robot::parse(include_str!("../../tests/data/arm.toml"), "arm.toml").unwrap();
+        robot.joints[0].limits = [-166.0, 166.0];
+        let mut found = Vec::new();
+        all_wraps(&robot, &[0.5; MAX_JOINTS], &mut found).unwrap();
+        let mut turns: Vec<f64> = found.iter().map(|q| ((q[0] - 0.5) / TAU).round()).collect();
+        turns.sort_by(f64::total_cmp);
+        turns.dedup();
+        assert_eq!(turns, [-2.0, -1.0, 0.0, 1.0, 2.0]);
+    }
+
+    #[test]
     fn an_angle_that_is_a_turn_from_itself_within_limits_is_both() {
         let mut robot = Robot::parse(include_str!("../../tests/data/arm.toml"), "arm.toml").unwrap();
         robot.joints[5].limits = [-PI, PI];

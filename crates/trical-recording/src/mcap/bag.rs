@@ -14,8 +14,8 @@ use super::cdr::{JointState, Stamped, StampedKind, string_from_cdr};
 use super::schema;
 use super::walk::{RawFile, RawMessage};
 use crate::error::RecordError;
+use crate::expected::Expected;
 use crate::motion::MotionSense;
-use crate::open::Expected;
 
 /// A measurement needs a joint state at most so long before and after it, s.
 const NEAR: f64 = 1.0;

@@ -14,9 +14,9 @@ use super::walk::{Channels, MAGIC, RawFile, RawMessage, walk, walk_pieces};
 use super::{IndicatorSample, ReadRecording, schema};
 use crate::columns::{Field, Unit, column};
 use crate::error::RecordError;
+use crate::expected::Expected;
 use crate::json;
 use crate::motion::{JointSample, MotionSense};
-use crate::open::Expected;
 use crate::shared::{Places, Shared};
 
 /// Reads a recording, whole or cut anywhere.

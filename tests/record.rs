@@ -66,7 +66,9 @@ fn visits_are_taken_from_a_topic_that_is_echoed_and_added_to_what_is_there() {
     let told = errors(&done);
     assert!(done.status.success(), "{told}");
     assert!(told.contains("joints 1 to 6 are joint_1,") && told.contains("expected a name of letters"), "{told}");
+    assert!(told.contains("as at the row before, which was socket 1 of front: one of the two rows is wrong"), "{told}");
     let again = place.record("joints.txt", "visits.csv", &[""]);
+    assert!(errors(&again).contains("front has rows already: unless the sockets have not moved since"), "{told}");
     assert!(String::from_utf8_lossy(&again.stdout).contains("1 row added to visits.csv"));
     drop(writer);
     let text = place.text("visits.csv");

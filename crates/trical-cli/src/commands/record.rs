@@ -158,19 +158,17 @@ pub fn run(args: &Args) -> Result<()> {
             note!("no row: the joints are beyond the limits of {}: {}", args.robot.display(), shown(&robot, &q));
             continue;
         }
-        let near = |before: &Joints| before.iter().zip(&q).all(|(a, b)| (a - b).abs() < 0.1_f64.to_radians());
-        let before = last.as_ref().filter(|(joints, ..)| near(joints));
-        if let Some((_, at, of)) = before.filter(|(_, at, of)| (at, *of) != (&place, socket)) {
-            note!(
-                "no row: the arm stands as at the row before, which was socket {of} of {at}; put the ball into socket {socket} of {place} first"
-            );
-            continue;
-        }
         let seq = visits.push(&q, &place, socket)?;
         taken += 1;
         note!("row {seq}: {place}, socket {socket}, {}", shown(&robot, &q));
-        if before.is_some() {
-            note!("the arm stands as at the row before; a visit from another side tells more");
+        let near = |before: &Joints| before.iter().zip(&q).all(|(a, b)| (a - b).abs() < 0.1_f64.to_radians());
+        match last.as_ref().filter(|(joints, ..)| near(joints)) {
+            Some((_, at, of)) if (at, *of) != (&place, socket) => note!(
+                "the arm stands as at the row before, which was socket {of} of {at}: one of the two rows is wrong; take it out of {}",
+                args.out.display()
+            ),
+            Some(_) => note!("the arm stands as at the row before; a visit from another side tells more"),
+            None => {}
         }
         last = Some((q, place.clone(), socket));
     }

@@ -208,11 +208,13 @@ def test_sizes_and_orders_that_no_arm_has_are_noticed(touches: trical.Recording,
     assert poses.orientation is not None and poses.position is not None
     trical.identify(poses, **FILES)
     turned = trical.Recording(q=q, position=poses.position, orientation=np.roll(poses.orientation, -1, axis=1))
-    with pytest.raises(trical.TricalError, match="only if each quaternion is read as x, y, z, w"):
+    with pytest.raises(trical.TricalError, match="only with quaternions in the order x, y, z, w"):
         trical.identify(turned, **FILES)
     back = poses.orientation * [1, -1, -1, -1]
     with pytest.raises(trical.TricalError, match="or as the turn of the measuring frame in the tool"):
         trical.identify(trical.Recording(q=q, position=poses.position, orientation=back), **FILES)
+    with pytest.raises(trical.TricalError, match="expected rad, found what looks like deg"):
+        trical.identify(trical.Recording(q=np.degrees(q), position=poses.position), **FILES)
     for unit, per_mm in (("cm", 10), ("inches", 25.4)):
         with pytest.raises(trical.TricalError, match=f"looks like {unit}"):
             trical.identify(trical.Recording(q=q, position=poses.position / per_mm), **FILES)

@@ -245,7 +245,7 @@ def test_what_is_no_recording_is_said_in_one_sentence(tmp_path: Path) -> None:
     for wrong in (3, None, [3], {1: 2}):
         with pytest.raises(TypeError, match=r"found \w+, expected paths, Recordings or DataFrames"):
             trical.identify(wrong, **where)  # type: ignore[arg-type]
-    with pytest.raises(TypeError, match=r"found NoneType, expected the path of a file, or a Robot or Cell"):
+    with pytest.raises(TypeError, match=r"robot: found NoneType, expected the path of a file, or a Robot"):
         trical.identify(made.recording, robot=None, cell=made.cell)  # type: ignore[arg-type]
     path = str(made.recording).encode()
     robot = str(made.robot).encode()

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use trical_model::pose::{angles_zyx, quaternion_from_rotation, rotation_from_quaternion, rotation_zyx};
 use trical_model::{Cell, Forward, Joint, JointKind, MAX_JOINTS, Measured, Model, Robot};
 
 use crate::ball_places::touched;
@@ -109,12 +110,21 @@ pub fn check_units(robot: &Robot, cell: &Cell, data: &Dataset) -> Result<()> {
                 ),
             );
         }
-        if let Some(read) = quaternions_otherwise(&forward, data, k) {
+        let farthest = robot.joints.iter().flat_map(|j| j.limits).fold(0.0_f64, |most, l| most.max(l.abs()));
+        if largest > DEG_AS_TURNS && largest > 2.0 * farthest {
             return error(
-                "columns qw, qx, qy, qz",
+                "columns q1_deg ... (or q1_rad)",
                 format!(
-                    "the orientations follow the arm only if each quaternion is read as {read}; expected w, x, y, z of the turn of the tool \
-                     in the measuring frame"
+                    "a joint turns to {largest:.0} rad, {:.0} turns; expected rad, found what looks like deg",
+                    largest / (2.0 * std::f64::consts::PI)
+                ),
+            );
+        }
+        if let Some(read) = orientations_otherwise(&forward, data, k) {
+            return error(
+                "columns of the orientation (qw ..., roll_deg ..., or r11 ...)",
+                format!(
+                    "the orientations follow the arm only {read}; expected the turn of the tool in the measuring frame"
                 ),
             );
         }
@@ -129,10 +139,10 @@ const UNLIKE: f64 = 0.35;
 /// A quaternion w, x, y, z from the four numbers of a row.
 type Read = fn([f64; 4]) -> [f64; 4];
 
-/// How the quaternions of a recording have to be read for its orientations to follow the arm, if it is not as they stand: with the last number
-/// put first, or as the opposite turn (of the measuring frame in the tool). What they turn from one pose to the next is compared, so that tool
+/// How a recording has to be read for its orientations to follow the arm, if it is not as they stand: with the last number of quaternions
+/// put first, as the opposite turn (of the measuring frame in the tool), with angles exchanged or in rad. What they turn from one pose to the next is compared, so that tool
 /// and measuring frame do not matter; the size of a turn is the same each way, its axis is not.
-fn quaternions_otherwise(forward: &Forward, data: &Dataset, recording: usize) -> Option<String> {
+fn orientations_otherwise(forward: &Forward, data: &Dataset, recording: usize) -> Option<String> {
     let mut ws = forward.workspace();
     let mut poses: Vec<(UnitQuaternion<f64>, [f64; 4])> = Vec::new();
     for o in data.observations.iter().filter(|o| o.recording == recording) {
@@ -155,17 +165,31 @@ fn quaternions_otherwise(forward: &Forward, data: &Dataset, recording: usize) ->
         let left: Vec<f64> = pairs.iter().map(|(arm, measured)| (tool * measured - arm).norm()).collect();
         Some(median(&left))
     };
-    let read: [(&str, Read); 2] = [
-        ("x, y, z, w", |[x, y, z, w]| [w, x, y, z]),
-        ("the turn of the measuring frame in the tool", |[w, x, y, z]| [w, -x, -y, -z]),
+    let read: [(&str, Read); 4] = [
+        ("with quaternions in the order x, y, z, w", |[x, y, z, w]| [w, x, y, z]),
+        (
+            "as the turn of the measuring frame in the tool (quaternions of the other sign, or matrices transposed)",
+            |[w, x, y, z]| [w, -x, -y, -z],
+        ),
+        ("with roll and yaw exchanged", |q| with_angles(q, |[yaw, pitch, roll]| [roll, pitch, yaw])),
+        ("with angles in rad where deg is expected", |q| with_angles(q, |angles| angles.map(f64::to_degrees))),
     ];
     if off(|q| q)? < UNLIKE {
         return None;
     }
     let fits = read.iter().filter(|(_, read)| off(*read).is_some_and(|left| left < ALIKE));
     let fits: Vec<&str> = fits.map(|(said, _)| *said).collect();
-    (!fits.is_empty()).then(|| fits.join(", or as "))
+    (!fits.is_empty()).then(|| fits.join(", or "))
 }
+
+/// A quaternion whose angles about z, y and x are changed.
+fn with_angles(q: [f64; 4], change: fn([f64; 3]) -> [f64; 3]) -> [f64; 4] {
+    let [a, b, c] = change(angles_zyx(&rotation_from_quaternion(q)));
+    quaternion_from_rotation(&rotation_zyx(a, b, c))
+}
+
+/// Joints turn no further than this, rad; degrees taken for rad do.
+const DEG_AS_TURNS: f64 = 30.0;
 
 /// 2 pi taken for degrees, rad.
 const TURN_AS_DEG: f64 = 2.0 * std::f64::consts::PI * std::f64::consts::PI / 180.0;
@@ -319,4 +343,20 @@ pub fn check_balls(cell: &Cell, data: &Dataset) -> Result<()> {
         ));
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn angles_of_a_quaternion_are_changed_in_their_order() {
+        let q = quaternion_from_rotation(&rotation_zyx(0.3, -0.2, 0.1));
+        let near = |a: [f64; 4], b: [f64; 3]| {
+            let [x, y, z] = angles_zyx(&rotation_from_quaternion(a));
+            [x, y, z].iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12)
+        };
+        assert!(near(with_angles(q, |[yaw, pitch, roll]| [roll, pitch, yaw]), [0.1, -0.2, 0.3]));
+        assert!(near(with_angles(q, |angles| angles.map(|a| 2.0 * a)), [0.6, -0.4, 0.2]));
+    }
 }

@@ -308,7 +308,9 @@ fn steps(findings: &[Finding], unexplained: &[Unexplained]) -> Vec<Step> {
             });
         }
     }
-    steps.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    // what is sure comes before what is as large and is not
+    let weight = |s: &Step| s.gain * s.confidence.map_or(1.0, |[low, high]| 0.5 * (low + high));
+    steps.sort_by(|a, b| weight(b).total_cmp(&weight(a)));
     steps
 }
 

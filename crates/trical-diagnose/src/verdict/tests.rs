@@ -60,6 +60,15 @@ fn an_error_that_grows_over_all_poses_is_not_told_as_a_gain() {
 }
 
 #[test]
+fn what_is_sure_comes_before_what_is_larger_and_is_not() {
+    let findings =
+        [finding(EffectId::JointHarmonic, 3, [0.31; 3], [0.9, 0.6]), finding(EffectId::GearRatio, 2, SURE, [0.6, 0.4])];
+    let verdict = told(&findings, &[], [(31, 0.9), (40, 0.4)]);
+    let order: Vec<&[usize]> = verdict.rows.iter().map(|r| &r.findings[..]).filter(|f| !f.is_empty()).collect();
+    assert_eq!(order, [&[2][..], &[1]]);
+}
+
+#[test]
 fn alike_findings_of_several_joints_are_one_row_and_the_table_goes_from_the_plain_to_the_whole_model() {
     let findings = [
         finding(EffectId::EncoderError, 2, SURE, [0.5, 0.3]),

@@ -9,8 +9,8 @@ use crate::elsewhere::Elsewhere;
 use crate::scan::{Call, Fork, Scan, Setup, hashed};
 use crate::text::{Cursor, begins_line, lower};
 
-/// More passes do not change what is left to recursion.
-const MOST_PASSES: usize = 8;
+/// Each level of calls takes a pass or two; what still changes after so many is unknown.
+const MOST_PASSES: usize = 24;
 
 /// How the names begin of what nobody knows.
 const UNKNOWN: &str = "an unknown";
@@ -20,6 +20,7 @@ const IN_BRANCH: &str = "set in a branch";
 const IN_LOOP: &str = "set in a loop";
 const BY_INTERRUPT: &str = "not the same wherever its interrupt may come";
 const BY_CALLER: &str = "not the same wherever the routine is called";
+const BY_RECURSION: &str = "not settled: routines call each other";
 const BY_ROUTINE: &str = "not the same wherever a routine returns";
 const ELSEWHERE: &str = "set by a routine of another file";
 
@@ -31,10 +32,14 @@ enum Block {
     Loop(usize),
 }
 
-/// How a block was entered and left; a routine is entered by its calls.
+/// How a block was entered and left.
 #[derive(Clone, Default, PartialEq, Eq)]
 struct Passage {
+    /// What is set where it begins; a routine begins at its calls.
     begins: Option<Setup>,
+    /// What was taken to be set there when it was read: what it changes is told by comparison with this, since calls that are not read yet, or that
+    /// differ, make `begins` another one.
+    entered: Option<Setup>,
     ends: Option<Setup>,
 }
 
@@ -42,6 +47,7 @@ enum Open {
     Routine {
         name: u64,
         outside: Setup,
+        entered: Setup,
         ends: Option<Setup>,
     },
     Loop {
@@ -79,7 +85,7 @@ impl Flow {
         elsewhere: Option<&dyn Elsewhere>,
     ) -> T {
         let mut known = HashMap::new();
-        let mut passes = 0;
+        let (mut passes, mut settled) = (0, true);
         loop {
             let (flow, mut made) = pass(Self { known, ..Self::default() });
             passes += 1;
@@ -101,7 +107,7 @@ impl Flow {
             calls.retain(|(name, call)| match elsewhere.map(|other| other.routine(&call.name)) {
                 Some(Some(routine)) => {
                     let ends = in_any_file(routine.setup.clone());
-                    seen.insert(Block::Routine(*name), Passage { begins: Some(Setup::default()), ends: Some(ends) });
+                    seen.insert(Block::Routine(*name), Passage { ends: Some(ends), ..Passage::of(Setup::default()) });
                     called.push((call.at, routine));
                     false
                 }
@@ -113,12 +119,18 @@ impl Flow {
                 Block::Routine(_) => p.begins.is_some() && p.ends.is_some() && *p != Passage::of(Setup::default()),
                 Block::Loop(_) => p.begins != p.ends,
             });
-            if seen == before || passes == MOST_PASSES {
+            if seen == before || !settled {
                 let scan = scan(&mut made);
                 declare_unknown(scan);
                 scan.calls = calls.into_iter().map(|(_, call)| call).collect();
                 scan.called = called;
                 return made;
+            }
+            if passes == MOST_PASSES {
+                settled = false;
+                for (_, p) in seen.iter_mut().filter(|(block, p)| before.get(*block) != Some(&**p)) {
+                    *p = p.unsettled();
+                }
             }
             known = seen;
         }
@@ -126,10 +138,11 @@ impl Flow {
 
     /// At the beginning of a routine.
     pub fn routine(&mut self, name: u64, now: &mut Setup) {
-        self.open.push(Open::Routine { name, outside: now.clone(), ends: None });
+        let outside = now.clone();
         if let Some(begins) = self.known.get(&Block::Routine(name)).and_then(|p| p.begins.clone()) {
             *now = begins;
         }
+        self.open.push(Open::Routine { name, outside, entered: now.clone(), ends: None });
     }
 
     /// Where a routine returns before its end.
@@ -170,11 +183,11 @@ impl Flow {
         let is_statement = begins_line(behind.bytes, at);
         let call = self.calls.entry(name).or_insert_with(|| Call { name: lower(word), at, is_statement });
         call.is_statement |= is_statement;
-        if let Some(Passage { begins: Some(begins), ends: Some(ends) }) = self.known.get(&Block::Routine(name)) {
-            if begins.tool != ends.tool {
+        if let Some(Passage { entered: Some(entered), ends: Some(ends), .. }) = self.known.get(&Block::Routine(name)) {
+            if entered.tool != ends.tool {
                 now.tool.clone_from(&ends.tool);
             }
-            if begins.frame != ends.frame {
+            if entered.frame != ends.frame {
                 now.frame.clone_from(&ends.frame);
             }
         }
@@ -226,13 +239,15 @@ impl Flow {
     /// At the end of the block that was opened last: from where the program comes behind it.
     pub fn end(&mut self, now: &mut Setup) -> Option<Fork> {
         match self.open.pop()? {
-            Open::Routine { name, outside, ends } => {
-                self.seen.entry(Block::Routine(name)).or_default().ends = Some(either(ends.as_ref(), now, BY_ROUTINE));
+            Open::Routine { name, outside, entered, ends } => {
+                let passage = self.seen.entry(Block::Routine(name)).or_default();
+                passage.ends = Some(either(ends.as_ref(), now, BY_ROUTINE));
+                passage.entered = Some(entered);
                 *now = outside;
                 Some(Fork::Anywhere)
             }
             Open::Loop { at, before } => {
-                let passage = Passage { begins: Some(before.clone()), ends: Some(now.clone()) };
+                let passage = Passage { ends: Some(now.clone()), ..Passage::of(before.clone()) };
                 self.seen.insert(Block::Loop(at), passage);
                 *now = either(Some(&before), now, IN_LOOP);
                 Some(Fork::Closes)
@@ -249,15 +264,22 @@ impl Flow {
 
 impl Passage {
     fn of(setup: Setup) -> Self {
-        Self { begins: Some(setup.clone()), ends: Some(setup) }
+        Self { begins: Some(setup.clone()), entered: Some(setup.clone()), ends: Some(setup) }
+    }
+
+    /// Where nobody knows what is set, before and behind.
+    fn unsettled(&self) -> Self {
+        let unknown = |what: &str| Some(format!("{UNKNOWN} {what} ({BY_RECURSION})"));
+        let setup = Setup { tool: unknown("tool"), frame: unknown("frame") };
+        Self { entered: self.begins.clone(), ..Self::of(setup) }
     }
 
     /// What it sets, whatever it finds; nothing of a routine that is not here.
     fn leaves(&self) -> Option<Setup> {
         let ends = self.ends.clone()?;
-        let begins = self.begins.clone().unwrap_or_default();
-        let set = |begins: Option<String>, ends: Option<String>| ends.filter(|e| begins.as_ref() != Some(e));
-        Some(Setup { tool: set(begins.tool, ends.tool), frame: set(begins.frame, ends.frame) })
+        let entered = self.entered.clone().unwrap_or_default();
+        let set = |entered: Option<String>, ends: Option<String>| ends.filter(|e| entered.as_ref() != Some(e));
+        Some(Setup { tool: set(entered.tool, ends.tool), frame: set(entered.frame, ends.frame) })
     }
 }
 

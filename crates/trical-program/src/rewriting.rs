@@ -247,7 +247,11 @@ fn configuration_unsaid(scan: &Scan) -> Option<String> {
     let unsaid =
         first.or(scan.spots.first()).is_some_and(|s| !s.shape.is_joints() && s.configuration == Configuration::Free);
     (unsaid && scan.nearest.is_empty()).then(|| {
-        "nothing says in which configuration (shoulder, elbow, wrist) the arm comes to the program's first target: the one nearest to joints at zero is taken; a motion to joint values before it would say it".into()
+        let taken = if scan.first_seed().is_some() { "where the program ends" } else { "joints at zero" };
+        format!(
+            "nothing says in which configuration (shoulder, elbow, wrist) the arm comes to the first target in the text: the one nearest to {taken} is taken; \
+             a motion to joint values before it would say it"
+        )
     })
 }
 

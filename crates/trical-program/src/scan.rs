@@ -180,6 +180,16 @@ pub struct Scan {
 }
 
 impl Scan {
+    /// The first visit that says how the arm stands: joint values, or a configuration.
+    pub fn first_seed(&self) -> Option<usize> {
+        let says = |s: &Spot| s.shape.is_joints() || s.configuration != Configuration::Free;
+        self.visits.iter().position(|v| match v {
+            Visit::Like(_) => true,
+            Visit::To(spot) => self.spots.get(*spot as usize).is_some_and(says),
+            _ => false,
+        })
+    }
+
     /// The numbers of a target.
     #[must_use]
     pub fn spans(&self, spot: &Spot) -> &[Span] {

@@ -172,9 +172,18 @@ impl Compensator<'_> {
         };
         let mut given = 0;
         let mut known = 0;
-        for (index, visit) in self.scan.visits.iter().copied().chain(self.unvisited()).enumerate() {
+        // what stands above the first motion that says how the arm stands, as routines do, comes from somewhere behind it
+        let visits = &self.scan.visits;
+        let seed = self.scan.first_seed().unwrap_or(0);
+        let order = (seed..visits.len()).chain(0..seed);
+        let in_order = order.filter_map(|k| Some((k, visits.get(k).copied()?)));
+        for (index, visit) in in_order.chain((visits.len()..).zip(self.unvisited())) {
             if unwanted() {
                 return walk.shifted;
+            }
+            if index == 0 {
+                walk.sense = unknown_sense();
+                walk.open.clear();
             }
             while let Some(Some(_)) = out.get(known) {
                 known += 1;

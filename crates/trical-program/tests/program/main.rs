@@ -393,6 +393,26 @@ fn a_first_target_without_a_configuration_gets_a_caution_whether_a_motion_names_
 }
 
 #[test]
+fn a_routine_above_the_program_is_met_as_the_program_leaves_the_arm() {
+    let n = nominal(fixtures::UR5E);
+    let q = [10.0, -78.0, 62.0, -40.0, 60.0, -30.0];
+    let p = flange(&n, &q).compose(&device());
+    let v = trical_model::pose::rotation_vector(&p.rotation);
+    let t = &p.translation;
+    let place = format!("p[{:.8},{:.8},{:.8},{:.9},{:.9},{:.9}]", t.x, t.y, t.z, v.x, v.y, v.z);
+    let near = q.map(|q| format!("{:.6}", f64::to_radians(q))).join(",");
+    let routine = format!("def go():\nmovel({place})\nend\n");
+    let program = format!("movej([{near}])\n");
+    for text in [format!("{routine}{program}go()\n"), format!("{program}{routine}go()\n")] {
+        let (_, report) = run(text.as_bytes(), Dialect::UrScript, &n, &real(&n), &Frames::default());
+        let row =
+            report.rows.iter().find(|r| text.lines().nth(r.line - 1).is_some_and(|l| l.starts_with("movel"))).unwrap();
+        let apart = row.joints.iter().zip(q).map(|(a, b)| (a - f64::to_radians(b)).abs()).fold(0.0, f64::max);
+        assert!(apart < 0.05, "{text}: {:?}", row.joints);
+    }
+}
+
+#[test]
 fn a_turn_is_read_and_written_in_its_own_form() {
     let n = nominal(KR6);
     // joint 4 comes to the other side of zero

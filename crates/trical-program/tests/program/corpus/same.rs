@@ -36,6 +36,18 @@ pub(super) const SAME: &[(Dialect, &str, &str, &str)] = &[
         "$TOOL={X 18,Y -7,Z 118,A 90,B 0,C 0}\nLIN {@0}\n",
     ),
     (
+        Krl,
+        "routines that leave the tool alone, one behind the other, in each other, and again",
+        "TOOL_DATA[1]={X 18,Y -7,Z 118,A 90,B 0,C 0}\nDEF MAIN( )\n$TOOL=TOOL_DATA[1]\nLIN {@0}\nA1( )\nA2( )\nA3( )\nA4( )\nA5( )\nA1( )\nLIN {@1}\nA5( )\nLIN {@2}\nEND\nDEF A1( )\nWAIT SEC 1\nEND\nDEF A2( )\nA1( )\nEND\nDEF A3( )\nA2( )\nA1( )\nEND\nDEF A4( )\nA3( )\nEND\nDEF A5( )\nA4( )\nEND\n",
+        "$TOOL={X 18,Y -7,Z 118,A 90,B 0,C 0}\nLIN {@0}\nLIN {@1}\nLIN {@2}\n",
+    ),
+    (
+        UrScript,
+        "a gripper that is closed and opened again",
+        "def grip():\nset_tool_digital_out(0,True)\nend\ndef release():\nset_tool_digital_out(0,False)\nend\nset_tcp(p[0.018,-0.012,0.118,0,0,0])\nmovel(p[@0])\ngrip()\nmovel(p[@1])\nrelease()\nmovel(p[@2])\ngrip()\nmovel(p[@3])\n",
+        "set_tcp(p[0.018,-0.012,0.118,0,0,0])\nmovel(p[@0])\nmovel(p[@1])\nmovel(p[@2])\nmovel(p[@3])\n",
+    ),
+    (
         UrScript,
         "names of places in frames",
         "grid=p[0.01,0,0,0,0,1.5]\nrel=p[@0]\nmovel(pose_trans(grid, rel), a=1)\nto=pose_trans(grid,p[@1])\nmovel(to)\nover=p[@2]\nnext=pose_trans(grid,over)\nagain=next\nmovel(again)\nmovel(pose_trans(to,p[0,0,0.05,0,0,0]))\nto=p[@3]\nmovel(to)\n",

@@ -36,6 +36,8 @@ const AXES: [&[u8]; 6] = [b"A1", b"A2", b"A3", b"A4", b"A5", b"A6"];
 const EXTERNAL: [&[u8]; 6] = [b"E1", b"E2", b"E3", b"E4", b"E5", b"E6"];
 /// Status and turn of a pose, tool and base of motion data.
 const OTHERS: [&[u8]; 4] = [b"S", b"T", b"TOOL_NO", b"BASE_NO"];
+/// Tool and base as parts of motion data.
+const MOTION_DATA: [&[u8]; 2] = [b".TOOL_NO", b".BASE_NO"];
 /// The tool and the base that are active.
 const CURRENT: [&[u8]; 2] = [b"$TOOL", b"$BASE"];
 /// Tools and bases that the controller keeps by number.
@@ -339,13 +341,17 @@ impl<'a> Reader<'a> {
 
     /// `NAME.Z=...`, from the point on: a part of a target that is set by itself.
     fn part(&mut self, from: usize, word: &[u8]) {
-        while matches!(self.c.peek(), b'.' | b' ') || self.c.peek().is_ascii_alphanumeric() {
+        let part = self.c.at;
+        while matches!(self.c.peek(), b'.' | b' ' | b'_') || self.c.peek().is_ascii_alphanumeric() {
             self.c.at += 1;
         }
         if !self.c.assigns() {
             return;
         }
-        if word.eq_ignore_ascii_case(b"$LOAD") {
+        let part = self.c.bytes.get(part..self.c.at).unwrap_or(&[]).trim_ascii();
+        if let Some(which) = MOTION_DATA.iter().position(|name| part.eq_ignore_ascii_case(name)) {
+            self.part_of_motion_data(word, which == 0);
+        } else if word.eq_ignore_ascii_case(b"$LOAD") {
             self.scan.loads.push(from);
         } else if is_one_of(word, &CURRENT) {
             self.set(word.eq_ignore_ascii_case(b"$TOOL"), format!("{} (computed)", lower(word)));
@@ -397,11 +403,12 @@ impl<'a> Reader<'a> {
             };
             self.names.set_from(self.key(word, from), origin);
         } else if is("FDAT_ACT") {
+            let at = self.c.at;
             let name = self.c.word();
-            let known = self.motion_data.get(&target_of(name)).copied();
-            if let Some(setup) = known.and_then(|s| self.scan.setups.get(s as usize)) {
-                self.now = setup.clone();
-            }
+            self.take_motion_data(name, at);
+        } else if word.first().is_some_and(|first| first.eq_ignore_ascii_case(&b'F')) {
+            // other data take the place of FP1
+            self.motion_data.remove(&target_of(word));
         }
     }
 

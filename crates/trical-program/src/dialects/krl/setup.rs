@@ -358,6 +358,32 @@ impl Reader<'_> {
         Setup { tool: if fixed { Some(self.fixed(tool.as_deref())) } else { tool }, frame }
     }
 
+    /// `FDAT_ACT=FP1`: tool and base are those of the data, where these are known and as they were given.
+    pub(super) fn take_motion_data(&mut self, name: &[u8], at: usize) {
+        let is_whole = !matches!(self.c.peek(), b'[' | b'.' | b'(') && self.key(name, at) == hashed(name);
+        let known = self.motion_data.get(&target_of(name)).filter(|_| is_whole).copied();
+        self.now = match known.and_then(|s| self.scan.setups.get(s as usize)) {
+            Some(setup) => setup.clone(),
+            None => {
+                let unknown = self.calculated(format!("fdat_act={}", lower(name)));
+                Setup { tool: Some(unknown.clone()), frame: Some(unknown) }
+            }
+        };
+    }
+
+    /// `FDAT_ACT.TOOL_NO=2`, behind the part; of other data, that they are no longer as they were given.
+    pub(super) fn part_of_motion_data(&mut self, name: &[u8], is_tool: bool) {
+        if !name.eq_ignore_ascii_case(b"FDAT_ACT") {
+            self.motion_data.remove(&target_of(name));
+            return;
+        }
+        self.c.eat_in_line(b'=');
+        let number = lower(self.c.until(b";\n\r").trim_ascii());
+        let part = if is_tool { "tool" } else { "base" };
+        let number = if is_number(&number) { number } else { self.calculated(format!("fdat_act.{part}_no={number}")) };
+        self.set(is_tool, number);
+    }
+
     pub(super) fn motion_data(&mut self, name: &[u8]) {
         self.c.skip_blank();
         if self.c.peek() != b'{' {

@@ -4,6 +4,12 @@ use super::{Case, case};
 
 pub(super) const KRL: &[Case] = &[
     case(
+        "motion data that are named otherwise, or changed",
+        "TOOL_DATA[1]={X 18.0,Y -12.0,Z 118.0,A 0.0,B 0.0,C 0.0}\nDECL FDAT FP1={TOOL_NO 1,BASE_NO 0}\nDECL FDAT FP2={TOOL_NO 1,BASE_NO 0}\nDECL FDAT F[1]\nF[1]={TOOL_NO 1,BASE_NO 0}\nFDAT_ACT=FP1\nLIN {@0}\nFDAT_ACT.TOOL_NO=0\nLIN {@1}\nFDAT_ACT.BASE_NO=N\nLIN {@2}\nFDAT_ACT=F[1]\nLIN {@3}\nFDAT_ACT=FP1\nLIN {@0}\nFP1.TOOL_NO=0\nFDAT_ACT=FP1\nLIN {@1}\nFDAT_ACT=FP2\nLIN {@2}\nFP2=FP1\nFDAT_ACT=FP2\nLIN {@3}\n",
+        &[7, 9, 15, 20],
+        &[(11, "fdat_act.base_no=n"), (13, "fdat_act=f"), (18, "fdat_act=fp1"), (23, "fdat_act=fp2")],
+    ),
+    case(
         "set in a branch, and then another tool",
         "P={@0}\n$TOOL=$NULLFRAME\nLIN P\nIF $IN[1] THEN\nP={@1}\nENDIF\n$TOOL={X 0,Y 0,Z 9,A 0,B 0,C 0}\nLIN P\n",
         &[5],

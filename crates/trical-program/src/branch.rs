@@ -142,7 +142,9 @@ impl Branches {
                 }
                 let zero = self.elbow(&Joints::default());
                 let is_up = self.elbow(q).zip(zero).map(|(e, z)| e * z > 0.0);
-                let turned = q.iter().filter(|q| q.abs() > PI).count() as u32;
+                // turns that the text counts are as it demands them
+                let counted = |joint: usize| turns.is_some() && NAMED.contains(&joint);
+                let turned = q.iter().enumerate().filter(|(joint, q)| q.abs() > PI && !counted(*joint)).count() as u32;
                 Some(unlike(below(q[4]), !flip) + unlike(is_up, *up) + unlike(behind, !front) + turned)
             }
         }

@@ -361,6 +361,9 @@ fn continued(bytes: &[u8], from: usize, mut at: usize, end: usize) -> usize {
     at
 }
 
+/// Tools and user frames of the controller, by their names in a program and as system variables.
+const FRAME_TABLES: [&[u8]; 4] = [b"UTOOL[", b"UFRAME[", b"$MNUTOOL[", b"$MNUFRAME["];
+
 /// Which positions the lines of `/MN` (`main..end`) go to, one after the other, and where registers come from.
 fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut Names) {
     let (mut at, mut whole) = (main, main);
@@ -380,7 +383,7 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
         let upper = bytes[offset..whole].to_ascii_uppercase();
         fork(&upper).into_iter().for_each(|fork| names.fork(fork));
         let all = places(&upper);
-        if upper.contains(&b'=') && (upper.starts_with(b"UTOOL[") || upper.starts_with(b"UFRAME[")) {
+        if upper.contains(&b'=') && FRAME_TABLES.iter().any(|table| upper.starts_with(table)) {
             scan.problem(offset, changed_here("a tool or user frame"));
         } else if let Some(equals) = assigned(&upper)
             && let Some((0, is_register, digits)) = all.first().copied()

@@ -453,6 +453,22 @@ fn turns_of_a_fanuc_are_read_and_rewritten_where_a_joint_crosses_them() {
 }
 
 #[test]
+fn a_turn_that_a_fanuc_demands_does_not_speak_for_the_other_side_of_the_arm() {
+    let n = nominal(LR);
+    // joints 1 and 4 half a turn further reach the same, with a joint 4 that rounds to the same turn
+    let q = [-13.7, 5.1, -0.8, 180.05, -29.2, 30.0];
+    let p = pose(0.0, 0.0, 330.0, 0.0, 0.0, 0.0).inverse().compose(&flange(&n, &q));
+    let [a, b, c] = angles_zyx(&p.rotation).map(|a| format!("{:.9}", a.to_degrees()));
+    let [x, y, z] = mm(&p).map(|x| format!("{x:.7}"));
+    let text = format!(
+        "/PROG A\n/MN\n   1:L P[1] 100mm/sec FINE ;\n/POS\nP[1]{{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 1, 0',\n\tX = {x} mm, Y = {y} mm, Z = {z} mm, W = {c} deg, P = {b} deg, R = {a} deg\n}};\n/END\n"
+    );
+    let (_, report) = run(text.as_bytes(), Dialect::Fanuc, &n, &real(&n), &Frames::default());
+    let reached = report.rows[0].joints.map(f64::to_degrees);
+    assert!((reached[0] - q[0]).abs() < 1.0 && (reached[3] - q[3]).abs() < 1.0, "{reached:?}");
+}
+
+#[test]
 fn targets_that_no_motion_names_need_a_tool_where_there_are_several() {
     let tools = "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget a:=TARGET;\nCONST robtarget b:=TARGET;\nCONST robtarget c:=TARGET;\nMoveL a,v1,fine,t;\n";
     assert!(problems(tools).is_empty());

@@ -343,6 +343,13 @@ impl Reader<'_> {
     /// `TOOL_DATA[1]={...}`, from the brace on.
     pub(super) fn element(&mut self, is_tool: bool, number: String) {
         let frame = self.given(&format!("{}[{number}]", if is_tool { "tool_data" } else { "base_data" }));
+        // $TOOL and $BASE keep what they were until they are set again
+        let is_active = self.now.slot(is_tool).as_ref() == Some(&number);
+        let frame = if is_active {
+            Err("goes with a tool or base that the program changes while it is active".to_owned())
+        } else {
+            frame
+        };
         if is_tool {
             declare(&mut self.scan.frames.tools, number, frame.map(ToolFrame::massless));
         } else {

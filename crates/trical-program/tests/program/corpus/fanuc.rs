@@ -124,6 +124,12 @@ pub(super) const FANUC: &[Case] = &[
         &[(7, "register"), (8, "register")],
     ),
     case(
+        "frames that are set as system variables",
+        "/PROG A\n/MN\n   1:$MNUFRAME[1,1]=PR[4] ;\n   2:$MNUTOOL[1,2]=PR[5] ;\n   3:L P[1] 200mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[10],
+        &[(3, "user frame"), (4, "user frame")],
+    ),
+    case(
         "frames that are set, and a tool that stands still",
         "/PROG A\n/MN\n   1:UFRAME[1]=PR[4] ;\n   2:L P[1] 200mm/sec FINE RTCP ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
         &[],

@@ -4,6 +4,12 @@ use super::{Case, case};
 
 pub(super) const KRL: &[Case] = &[
     case(
+        "a tool that is changed while it is active, and one before it is",
+        "DEF A()\nBAS(#TOOL,3)\nLIN {@0}\nTOOL_DATA[3]={X 18.0,Y -12.0,Z 118.0,A 0.0,B 0.0,C 0.0}\nLIN {@1}\nTOOL_DATA[4]={X 18.0,Y -12.0,Z 118.0,A 0.0,B 0.0,C 0.0}\nBAS(#TOOL,4)\nLIN {@2}\nEND\n",
+        &[8],
+        &[(3, "changes while it is active"), (5, "changes while it is active")],
+    ),
+    case(
         "motion data that are named otherwise, or changed",
         "TOOL_DATA[1]={X 18.0,Y -12.0,Z 118.0,A 0.0,B 0.0,C 0.0}\nDECL FDAT FP1={TOOL_NO 1,BASE_NO 0}\nDECL FDAT FP2={TOOL_NO 1,BASE_NO 0}\nDECL FDAT F[1]\nF[1]={TOOL_NO 1,BASE_NO 0}\nFDAT_ACT=FP1\nLIN {@0}\nFDAT_ACT.TOOL_NO=0\nLIN {@1}\nFDAT_ACT.BASE_NO=N\nLIN {@2}\nFDAT_ACT=F[1]\nLIN {@3}\nFDAT_ACT=FP1\nLIN {@0}\nFP1.TOOL_NO=0\nFDAT_ACT=FP1\nLIN {@1}\nFDAT_ACT=FP2\nLIN {@2}\nFP2=FP1\nFDAT_ACT=FP2\nLIN {@3}\n",
         &[7, 9, 15, 20],

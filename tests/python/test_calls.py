@@ -510,5 +510,6 @@ def test_frames_are_recordings_and_results_are_certified(touches: trical.Recordi
     fitted.certificate(tmp_path / "c.html")
     text = (tmp_path / "c.html").read_text(encoding="utf-8")
     assert "Pose accuracy AP" in text and "a DataFrame" in text
+    assert fitted.cautions and all(f"Caution: {c[:30]}" in text for c in fitted.cautions)
     trical.validate(fitted.model, touches).certificate(tmp_path / "v.html")
     assert "Distance accuracy AD" in (tmp_path / "v.html").read_text(encoding="utf-8")

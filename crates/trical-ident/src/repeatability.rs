@@ -213,8 +213,11 @@ fn by_place(visits: &[Visit], same: f64) -> Vec<Vec<&Visit>> {
     places
 }
 
-/// How far repeat visits scatter. Rows of one ball (or target) whose joints differ by less than `same_deg` are visits of one
-/// place; arm and cell are needed for touches: their place is where the nominal arm says that the ball is.
+/// Measured points are compared as they are, so that their joints have to be the same, deg; of touches the nominal arm says what other joints do.
+const SAME_OF_POINTS_DEG: f64 = 0.1;
+
+/// How far repeat visits scatter. Rows of one ball (or target) whose joints differ by less than `same_deg` (of points by 0.1 deg at most) are visits of
+/// one place; arm and cell are needed for touches: their place is where the nominal arm says that the ball is.
 ///
 /// # Errors
 /// Touches without arm and cell, nothing that was measured, or no place that was visited twice.
@@ -225,6 +228,7 @@ pub fn repeatability(
     same_deg: f64,
 ) -> Result<Repeatability> {
     let (visits, touches) = visits(recording, robot, cell)?;
+    let same_deg = if touches { same_deg } else { same_deg.min(SAME_OF_POINTS_DEG) };
     let places = by_place(&visits, same_deg.to_radians());
     let single = places.iter().filter(|p| p.len() < 2).count();
     let repeated: Vec<Vec<&Visit>> = places.into_iter().filter(|p| p.len() >= 2).collect();
@@ -429,6 +433,11 @@ mod tests {
         };
         let found = of(vec![point(0.1, 1e-3), point(0.5, 0.2), point(0.1, -1e-3)]).unwrap();
         assert_eq!((found.rows, found.single_visits, found.places.len()), (3, 1, 1));
+        // half a degree apart they are other poses, whatever is asked for
+        let rows = vec![point(0.1, 1e-3), point(0.1 + 0.5_f64.to_radians(), 5e-3)];
+        let recording = Recording { name: "r.csv".into(), joints: 6, rows, ..Recording::default() };
+        let apart = repeatability(&recording, None, None, 1.0).unwrap_err().to_string();
+        assert!(apart.contains("no place was visited twice within 0.1 deg"), "{apart}");
         let touch = of(vec![row(0.1, Measured::Touch { ball: 0, reading: [0.0; 3] })]).unwrap_err().to_string();
         assert!(touch.contains("r.csv: has touches; expected --robot and --cell"), "{touch}");
         let lengths = of(vec![row(0.1, Measured::Distance { anchor: 0, length: 1.0 })]).unwrap_err().to_string();

@@ -9,6 +9,7 @@ use trical_model::Model;
 use crate::error::{Error, Result};
 use crate::evidence::{in_socket, row, where_measured};
 use crate::page::{self, Made};
+use crate::table;
 use crate::validate_report::cautions;
 
 /// Where a fit was made its errors are smaller than elsewhere.
@@ -68,7 +69,8 @@ fn notes_of(v: &Validation) -> Vec<String> {
 pub fn of_calibration(c: &Calibration, made: &Made) -> Result<String> {
     let after = c.fitted.errors()?;
     let mut at = AT_THE_FIT.to_owned();
-    let mut notes = vec![match c.held_out.worst() {
+    let mut notes: Vec<String> = c.cautions().iter().map(|c| format!("Caution: {}", table::ended(c))).collect();
+    notes.push(match c.held_out.worst() {
         Some((how, e)) => {
             at += &format!(", and by {:.3} mm at poses that the fit did not see", e.mean_mm);
             format!(
@@ -78,7 +80,7 @@ pub fn of_calibration(c: &Calibration, made: &Made) -> Result<String> {
             )
         }
         None => "These are the poses of the fit: the numbers say nothing about other poses.".to_owned(),
-    }];
+    });
     if c.passes.is_some() {
         notes.push(format!("These numbers are from a sample of {1} of {0} measurements.", c.observations, after.len()));
     }

@@ -31,7 +31,8 @@ pub struct Args {
     /// Number of the arm's joints, for a CSV without --robot
     #[arg(long, value_name = "N", default_value_t = 6)]
     joints: usize,
-    /// Rows of one ball (or target) whose joints differ by less than this are visits of one place
+    /// Rows of one ball (or target) whose joints differ by less than this are visits of one place; of measured points
+    /// by 0.1 at most
     #[arg(long, value_name = "DEG", default_value_t = 1.0)]
     same_deg: f64,
     /// A machine-readable summary on standard output

@@ -43,7 +43,7 @@ struct Walk<'a> {
     last: Joints,
     sense: MotionSense,
     /// Of each branch that is open: before the first of them, and whether one moves the arm.
-    open: Vec<(MotionSense, bool)>,
+    open: Vec<(MotionSense, Joints, bool)>,
     /// Loops that move the arm.
     repeated: HashSet<usize>,
     shifted: Vec<Shifted>,
@@ -58,21 +58,22 @@ impl Walk<'_> {
     fn branch(&mut self, index: usize, fork: Fork) {
         match fork {
             Fork::Anywhere => self.sense = unknown_sense(),
-            Fork::Opens => self.open.push((self.sense.clone(), false)),
+            Fork::Opens => self.open.push((self.sense.clone(), self.last, false)),
             Fork::Repeats => {
-                self.open.push((self.sense.clone(), false));
+                self.open.push((self.sense.clone(), self.last, false));
                 if self.repeated.contains(&index) {
                     self.sense = unknown_sense();
                 }
             }
             Fork::Other => {
-                if let Some((before, moves)) = self.open.last_mut() {
+                if let Some((before, joints, moves)) = self.open.last_mut() {
                     *moves |= self.sense != *before;
                     self.sense.clone_from(before);
+                    self.last = *joints;
                 }
             }
             Fork::Closes => {
-                if self.open.pop().is_some_and(|(before, moves)| moves || self.sense != before) {
+                if self.open.pop().is_some_and(|(before, _, moves)| moves || self.sense != before) {
                     self.sense = unknown_sense();
                 }
             }

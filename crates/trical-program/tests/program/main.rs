@@ -393,7 +393,7 @@ fn a_first_target_without_a_configuration_gets_a_caution_whether_a_motion_names_
 }
 
 #[test]
-fn a_routine_above_the_program_is_met_as_the_program_leaves_the_arm() {
+fn a_routine_above_the_program_and_a_further_branch_are_met_as_the_program_leaves_the_arm() {
     let n = nominal(fixtures::UR5E);
     let q = [10.0, -78.0, 62.0, -40.0, 60.0, -30.0];
     let p = flange(&n, &q).compose(&device());
@@ -403,7 +403,9 @@ fn a_routine_above_the_program_is_met_as_the_program_leaves_the_arm() {
     let near = q.map(|q| format!("{:.6}", f64::to_radians(q))).join(",");
     let routine = format!("def go():\nmovel({place})\nend\n");
     let program = format!("movej([{near}])\n");
-    for text in [format!("{routine}{program}go()\n"), format!("{program}{routine}go()\n")] {
+    let away = [10.0, -20.0, -62.0, 40.0, -60.0, 150.0].map(|q| format!("{:.6}", f64::to_radians(q))).join(",");
+    let branches = format!("{program}if b:\nmovej([{away}])\nelse:\nmovel({place})\nend\n");
+    for text in [format!("{routine}{program}go()\n"), format!("{program}{routine}go()\n"), branches] {
         let (_, report) = run(text.as_bytes(), Dialect::UrScript, &n, &real(&n), &Frames::default());
         let row =
             report.rows.iter().find(|r| text.lines().nth(r.line - 1).is_some_and(|l| l.starts_with("movel"))).unwrap();

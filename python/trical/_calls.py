@@ -248,13 +248,14 @@ def repeatability(
     *,
     robot: PathLike | Robot | None = None,
     cell: PathLike | Cell | None = None,
-    same: float = math.radians(1.0),
+    same: float | None = None,
 ) -> dict[str, Any]:
     """Say how far repeat visits scatter: keys places, by_ball, by_joint_sense, drift, rows, single_visits.
 
-    Rows of one ball (or target) whose joints differ by less than `same` rad (of measured points by 0.1 deg at most) are
-    visits of one place. `robot` and `cell` are needed for touches, unless the file has them inside, as those of
-    `measure` have. RP = mean + 3 sd of the distances from a place's barycentre (formula of ISO 9283).
+    Rows of one ball (or target) whose joints differ by less than `same` rad are visits of one place; where it is not
+    given, by 1 deg, of measured points by 0.1 deg. `robot` and `cell` are needed for touches, unless the file has them
+    inside, as those of `measure` have. RP = mean + 3 sd of the distances from a place's barycentre (formula of ISO
+    9283).
     """
     rows = (recording if isinstance(recording, Recording) else Recording.load(recording, part=True))._rows
     if not isinstance(recording, Recording) and (robot is None or cell is None):

@@ -213,11 +213,11 @@ fn by_place(visits: &[Visit], same: f64) -> Vec<Vec<&Visit>> {
     places
 }
 
-/// Measured points are compared as they are, so that their joints have to be the same, deg; of touches the nominal arm says what other joints do.
-const SAME_OF_POINTS_DEG: f64 = 0.1;
+/// Joints within which rows are visits of one place, deg: of touches the nominal arm says what other joints do, measured points are compared as they are.
+const SAME_DEG: [f64; 2] = [1.0, 0.1];
 
-/// How far repeat visits scatter. Rows of one ball (or target) whose joints differ by less than `same_deg` (of points by 0.1 deg at most) are visits of
-/// one place; arm and cell are needed for touches: their place is where the nominal arm says that the ball is.
+/// How far repeat visits scatter. Rows of one ball (or target) whose joints differ by less than `same_deg` (1 deg, of measured points 0.1 deg, where it is
+/// not given) are visits of one place; arm and cell are needed for touches: their place is where the nominal arm says that the ball is.
 ///
 /// # Errors
 /// Touches without arm and cell, nothing that was measured, or no place that was visited twice.
@@ -225,10 +225,10 @@ pub fn repeatability(
     recording: &Recording,
     robot: Option<Robot>,
     cell: Option<Cell>,
-    same_deg: f64,
+    same_deg: Option<f64>,
 ) -> Result<Repeatability> {
     let (visits, touches) = visits(recording, robot, cell)?;
-    let same_deg = if touches { same_deg } else { same_deg.min(SAME_OF_POINTS_DEG) };
+    let same_deg = same_deg.unwrap_or(SAME_DEG[usize::from(!touches)]);
     let places = by_place(&visits, same_deg.to_radians());
     let single = places.iter().filter(|p| p.len() < 2).count();
     let repeated: Vec<Vec<&Visit>> = places.into_iter().filter(|p| p.len() >= 2).collect();
@@ -429,14 +429,15 @@ mod tests {
         let point = |q, x| row(q, Measured::Point { target: 0, position: [x, 0.0, 0.0] });
         let of = |rows: Vec<Row>| {
             let recording = Recording { name: "r.csv".into(), joints: 6, rows, ..Recording::default() };
-            repeatability(&recording, None, None, 0.01)
+            repeatability(&recording, None, None, Some(0.01))
         };
         let found = of(vec![point(0.1, 1e-3), point(0.5, 0.2), point(0.1, -1e-3)]).unwrap();
         assert_eq!((found.rows, found.single_visits, found.places.len()), (3, 1, 1));
-        // half a degree apart they are other poses, whatever is asked for
+        // half a degree apart they are other poses, unless it is said
         let rows = vec![point(0.1, 1e-3), point(0.1 + 0.5_f64.to_radians(), 5e-3)];
         let recording = Recording { name: "r.csv".into(), joints: 6, rows, ..Recording::default() };
-        let apart = repeatability(&recording, None, None, 1.0).unwrap_err().to_string();
+        assert_eq!(repeatability(&recording, None, None, Some(1.0)).unwrap().places.len(), 1);
+        let apart = repeatability(&recording, None, None, None).unwrap_err().to_string();
         assert!(apart.contains("no place was visited twice within 0.1 deg"), "{apart}");
         let touch = of(vec![row(0.1, Measured::Touch { ball: 0, reading: [0.0; 3] })]).unwrap_err().to_string();
         assert!(touch.contains("r.csv: has touches; expected --robot and --cell"), "{touch}");

@@ -271,16 +271,16 @@ pub fn _repeatability(
     recording: &Bound<'_, PyRows>,
     robot: Option<RobotArgument>,
     cell: Option<CellArgument>,
-    same: f64,
+    same: Option<f64>,
 ) -> Result<String> {
-    if !(same > 0.0 && same.is_finite()) {
-        return Err(bad(format!("same is {same}, expected a positive angle in rad")).into());
+    if let Some(found) = same.filter(|same| !(*same > 0.0 && same.is_finite())) {
+        return Err(bad(format!("same is {found}, expected a positive angle in rad")).into());
     }
     let recording = recording.get().0.clone();
     py.detach(|| {
         let robot = robot.map(|r| r.read()).transpose()?;
         let cell = cell.map(|c| c.read()).transpose()?;
-        Ok(serde_json::to_string(&repeatability(&recording, robot, cell, same.to_degrees())?)?)
+        Ok(serde_json::to_string(&repeatability(&recording, robot, cell, same.map(f64::to_degrees))?)?)
     })
 }
 

@@ -31,10 +31,10 @@ pub struct Args {
     /// Number of the arm's joints, for a CSV without --robot
     #[arg(long, value_name = "N", default_value_t = 6)]
     joints: usize,
-    /// Rows of one ball (or target) whose joints differ by less than this are visits of one place; of measured points
-    /// by 0.1 at most
-    #[arg(long, value_name = "DEG", default_value_t = 1.0)]
-    same_deg: f64,
+    /// Rows of one ball (or target) whose joints differ by less than this are visits of one place (default: 1 of
+    /// touches, 0.1 of measured points)
+    #[arg(long, value_name = "DEG")]
+    same_deg: Option<f64>,
     /// A machine-readable summary on standard output
     #[arg(long)]
     json: bool,
@@ -42,8 +42,8 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    if !(args.same_deg > 0.0 && args.same_deg.is_finite()) {
-        return Err(CliError::Input(format!("--same-deg: found {}, expected a positive number", args.same_deg)));
+    if let Some(found) = args.same_deg.filter(|same| !(*same > 0.0 && same.is_finite())) {
+        return Err(CliError::Input(format!("--same-deg: found {found}, expected a positive number")));
     }
     let mut all = Vec::new();
     for path in &args.recordings {

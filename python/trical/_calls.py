@@ -133,7 +133,7 @@ def identify(
     answer = _native._identify(_sources(recordings), _machine(robot, cell), given, listening)
     fitted, text, errors, covariance, told = answer
     s = json.loads(text)
-    s["answer"] = json.loads(text)
+    s["answer"] = dict(s)
     s["held_out"] = {how: errors for how, errors in s["held_out"].items() if errors is not None}
     s["not_identifiable"] = [(name, others) for name, *others in s["not_identifiable"]]
     s |= {"model": fitted, "covariance": covariance, "errors_mm": errors}

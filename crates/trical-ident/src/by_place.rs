@@ -65,7 +65,7 @@ pub struct OfPlace {
     pub rms_mm: Option<f64>,
 }
 
-/// Places that make one look twice, in a sentence each: of one or two poses, and those whose rows disagree.
+/// Places that make one look twice, in a sentence each: of few poses, and those whose rows disagree.
 #[must_use]
 pub fn doubtful_places(places: &[OfPlace]) -> Vec<String> {
     let few = |p: &&OfPlace| p.rms_mm.is_none();

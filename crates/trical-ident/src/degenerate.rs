@@ -116,7 +116,7 @@ pub fn check_units(robot: &Robot, cell: &Cell, data: &Dataset) -> Result<()> {
                 "columns q1_deg ... (or q1_rad)",
                 format!(
                     "a joint turns to {largest:.0} rad, {:.0} turns; expected rad, found what looks like deg",
-                    largest / (2.0 * std::f64::consts::PI)
+                    largest / std::f64::consts::TAU
                 ),
             );
         }

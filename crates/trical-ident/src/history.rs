@@ -119,7 +119,8 @@ fn trend(x: &[f64], y: &[f64]) -> Option<Trend> {
 
 fn due(sessions: &[Comparison], steps: &[f64], trend: Option<Trend>, need: Option<f64>, unit: &str) -> String {
     let Some(last) = sessions.last() else { return String::new() };
-    if ["arm changed", "does not fit"].contains(&last.verdict) && last.doubt.is_none() {
+    let differs = ["arm changed", "does not fit"].contains(&last.verdict);
+    if differs && last.doubt.is_none() {
         return format!(
             "The next calibration is due now: in the last session ({}) the arm is not what it was.",
             last.recording
@@ -132,7 +133,7 @@ fn due(sessions: &[Comparison], steps: &[f64], trend: Option<Trend>, need: Optio
             last.mean_mm
         );
     }
-    if ["arm changed", "does not fit"].contains(&last.verdict) {
+    if differs {
         return format!(
             "The arm seems to have changed in the last session ({}), but what the model does not say there can look like it, as told above: see \
              to that before you calibrate anew.",

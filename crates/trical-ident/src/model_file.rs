@@ -12,6 +12,7 @@ use trical_model::{
 use crate::dataset::{Dataset, JointSource, References};
 use crate::date::newest;
 use crate::error::{IdentError, Result};
+use crate::fit::orientation_errors;
 use crate::identify::Identified;
 use crate::units::{unit, unit_of_turning};
 
@@ -60,23 +61,17 @@ impl Uncertainty {
         let noise = (square / scalars.saturating_sub(p).max(1) as f64).sqrt();
         let known = p <= CORRELATED && noise > 0.0 && correlation.iter().all(|c| c.is_finite());
         let names = fitted.free.iter().map(|k| fitted.model.terms[*k].name.clone()).collect();
-        let rotation_noise = rotation_errors(fitted).ok().flatten().filter(|sd| *sd > 0.0);
-        known.then(|| Self { names, correlation, noise, rotation_noise, course: of_course(fitted).unwrap_or(0.0) })
+        let (rotation_noise, course) = (rotation_noise(fitted), of_course(fitted).unwrap_or(0.0));
+        known.then_some(Self { names, correlation, noise, rotation_noise, course })
     }
 }
 
 /// Root mean square of each component of a measured rotation about the model, rad; `None` where no pose was measured.
-fn rotation_errors(fitted: &Identified) -> Result<Option<f64>> {
-    let forward = Forward::new(fitted.model.clone(), Vec::new())?;
-    let (mut ws, mut square, mut count) = (forward.workspace(), 0.0, 0.0_f64);
-    for o in &fitted.data.observations {
-        let rows = forward.residual(&o.state, &o.measured, o.frame, &mut ws);
-        for turned in &ws.residual()[rows.min(3)..rows] {
-            square += turned * turned;
-            count += 1.0;
-        }
-    }
-    Ok((count > 0.0).then(|| (square / count).sqrt()))
+fn rotation_noise(fitted: &Identified) -> Option<f64> {
+    let forward = Forward::new(fitted.model.clone(), Vec::new()).ok()?;
+    let angles = orientation_errors(&forward, &fitted.data);
+    let square: f64 = angles.iter().map(|a| a * a).sum();
+    Some((square / (3 * angles.len()) as f64).sqrt()).filter(|sd| *sd > 0.0)
 }
 
 /// How far what happened in the course of the sessions moved a coordinate, m ([`Uncertainty::course`]).
@@ -206,10 +201,12 @@ impl UncertaintyFile {
     fn read(self) -> Option<Uncertainty> {
         let p = self.names.len();
         let shaped = self.correlation.len() == p && self.correlation.iter().enumerate().all(|(i, row)| row.len() == i);
-        let fine =
-            self.correlation.iter().flatten().all(|c| c.abs() <= 1.0) && self.noise_mm > 0.0 && self.course_mm >= 0.0;
-        let fine = fine && self.noise_deg.is_none_or(|sd| sd > 0.0 && sd.is_finite());
-        (shaped && fine && self.noise_mm.is_finite() && self.course_mm.is_finite()).then(|| {
+        let fine = self.correlation.iter().flatten().all(|c| c.abs() <= 1.0)
+            && self.noise_mm > 0.0
+            && self.course_mm >= 0.0
+            && self.noise_deg.is_none_or(|sd| sd > 0.0);
+        let finite = [self.noise_mm, self.course_mm, self.noise_deg.unwrap_or(1.0)].iter().all(|x| x.is_finite());
+        (shaped && fine && finite).then(|| {
             let at = |i: usize, j: usize| match i.cmp(&j) {
                 std::cmp::Ordering::Equal => 1.0,
                 std::cmp::Ordering::Greater => self.correlation[i][j],

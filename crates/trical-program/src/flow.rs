@@ -9,8 +9,8 @@ use crate::elsewhere::Elsewhere;
 use crate::scan::{Call, Fork, Scan, Setup, hashed};
 use crate::text::{Cursor, begins_line, lower};
 
-/// Each level of calls takes a pass or two; what still changes after so many is unknown.
-const MOST_PASSES: usize = 24;
+/// Each level of calls takes a pass or two; where something still changes after so many, nothing of routines is known.
+const MOST_PASSES: usize = 100;
 
 /// How the names begin of what nobody knows.
 const UNKNOWN: &str = "an unknown";
@@ -20,7 +20,7 @@ const IN_BRANCH: &str = "set in a branch";
 const IN_LOOP: &str = "set in a loop";
 const BY_INTERRUPT: &str = "not the same wherever its interrupt may come";
 const BY_CALLER: &str = "not the same wherever the routine is called";
-const BY_RECURSION: &str = "not settled: routines call each other";
+const UNSETTLED: &str = "routines call each other, or too deep";
 const BY_ROUTINE: &str = "not the same wherever a routine returns";
 const ELSEWHERE: &str = "set by a routine of another file";
 
@@ -114,6 +114,11 @@ impl Flow {
                 Some(None) => call.is_statement,
                 None => false,
             });
+            let is_routine = |block: &Block| matches!(block, Block::Routine(_));
+            let unsettled: Vec<Block> = match passes == MOST_PASSES {
+                true => seen.keys().copied().filter(is_routine).collect(),
+                false => Vec::new(),
+            };
             // what is called and stands here, or changes something
             seen.retain(|block, p| match block {
                 Block::Routine(_) => p.begins.is_some() && p.ends.is_some() && *p != Passage::of(Setup::default()),
@@ -126,12 +131,8 @@ impl Flow {
                 scan.called = called;
                 return made;
             }
-            if passes == MOST_PASSES {
-                settled = false;
-                for (_, p) in seen.iter_mut().filter(|(block, p)| before.get(*block) != Some(&**p)) {
-                    *p = p.unsettled();
-                }
-            }
+            settled = unsettled.is_empty();
+            seen.extend(unsettled.into_iter().map(|block| (block, Passage::unknown())));
             known = seen;
         }
     }
@@ -268,10 +269,10 @@ impl Passage {
     }
 
     /// Where nobody knows what is set, before and behind.
-    fn unsettled(&self) -> Self {
-        let unknown = |what: &str| Some(format!("{UNKNOWN} {what} ({BY_RECURSION})"));
+    fn unknown() -> Self {
+        let unknown = |what: &str| Some(format!("{UNKNOWN} {what} ({UNSETTLED})"));
         let setup = Setup { tool: unknown("tool"), frame: unknown("frame") };
-        Self { entered: self.begins.clone(), ..Self::of(setup) }
+        Self { entered: Some(Setup::default()), ..Self::of(setup) }
     }
 
     /// What it sets, whatever it finds; nothing of a routine that is not here.

@@ -60,8 +60,8 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let arm = Export::of(&file.model)?;
     let mut written = Vec::new();
+    let given = args.robot.as_deref().filter(|_| args.urdf.is_some()).and_then(UrdfPath::of);
     if let Some(out) = &args.urdf {
-        let given = args.robot.as_deref().and_then(UrdfPath::of);
         let text = match &given {
             Some(given) => corrected_file(given, &file.model)?,
             None => arm.urdf(&args.model.display().to_string()),
@@ -108,7 +108,6 @@ pub fn run(args: &Args) -> Result<()> {
         )?;
     }
     say_lines(arm.sentences())?;
-    let corrected = args.urdf.is_some() && args.robot.as_deref().and_then(UrdfPath::of).is_some();
-    say_lines(arm.tool_sentence().filter(|_| corrected).iter().flat_map(|t| table::wrapped(t, 108, "")))?;
+    say_lines(arm.tool_sentence().filter(|_| given.is_some()).iter().flat_map(|t| table::wrapped(t, 108, "")))?;
     Ok(())
 }

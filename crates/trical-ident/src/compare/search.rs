@@ -58,8 +58,10 @@ pub(super) fn changes(whitened: &mut Whitened<'_>) -> Vec<Change> {
         });
         taken.push(best);
         extend(&mut basis, &whitened.columns[best]);
-        let wrong: Vec<usize> = taken.iter().copied().filter(|k| !explanations[*k].is_of_machine()).collect();
-        whitened.leave_out(&wrong);
+        if !explanations[best].is_of_machine() {
+            let wrong: Vec<usize> = taken.iter().copied().filter(|k| !explanations[*k].is_of_machine()).collect();
+            whitened.leave_out(&wrong);
+        }
     }
     for (change, by) in out.iter_mut().zip(sizes(whitened, &taken)) {
         change.by = by;

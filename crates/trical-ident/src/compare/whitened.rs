@@ -105,8 +105,9 @@ impl<'a> Whitened<'a> {
         for (_, columns) in explanations.iter().zip(&columns).filter(|(e, _)| e.is_of_machine()) {
             extend(&mut machine, columns);
         }
-        let more_noise = more_noise(residual.clone(), &machine, count);
-        Ok(Self { explained, residual, columns, rows, more_noise, machine, new: count })
+        let mut this = Self { explained, residual, columns, rows, more_noise: 1.0, machine, new: count };
+        this.leave_out(&[]);
+        Ok(this)
     }
 
     /// Does not count what measurements that are wrong scatter: these explanations of them were taken.

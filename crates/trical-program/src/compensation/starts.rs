@@ -183,6 +183,7 @@ impl Compensator<'_> {
                 return walk.shifted;
             }
             if index == 0 {
+                // whence, nobody knows
                 walk.sense = unknown_sense();
                 walk.open.clear();
             }

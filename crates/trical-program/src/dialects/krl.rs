@@ -114,7 +114,7 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
     let mut reader = Flow::read(pass, |r| &mut r.scan, Some(elsewhere));
     reader.scan.calls.retain(|call| !is_one_of(call.name.as_bytes(), &BUILT_IN));
     outside::note(bytes, &mut reader);
-    let mut said: Vec<(u64, u32)> = std::mem::take(&mut reader.motion_data).into_iter().collect();
+    let mut said: Vec<(u64, u32)> = std::mem::take(&mut reader.motion_data).into_values().collect();
     said.sort_unstable();
     for (name, setup) in said {
         reader.names.used(name, setup, Way::Said, 0);
@@ -189,8 +189,8 @@ struct Reader<'a> {
     /// Before the spline that the program is in.
     spline: Option<Setup>,
     flow: Flow,
-    /// What FDAT data say of the targets that go with them.
-    motion_data: HashMap<u64, u32>,
+    /// What FDAT data say, by their names: the target that goes with them, and tool and base.
+    motion_data: HashMap<u64, (u64, u32)>,
     /// Products of frames that the program assigns to names, as a tool and as a base.
     products: HashMap<String, [String; 2]>,
 }
@@ -382,6 +382,8 @@ impl<'a> Reader<'a> {
         if !self.c.eat_in_line(b'=') {
             return;
         }
+        // of motion data, that they are no longer as they were given
+        self.motion_data.remove(&hashed(word));
         if is_one_of(word, &CURRENT) {
             let name = self.current(is("$TOOL"));
             self.set(is("$TOOL"), name);
@@ -406,9 +408,6 @@ impl<'a> Reader<'a> {
             let at = self.c.at;
             let name = self.c.word();
             self.take_motion_data(name, at);
-        } else if word.first().is_some_and(|first| first.eq_ignore_ascii_case(&b'F')) {
-            // other data take the place of FP1
-            self.motion_data.remove(&target_of(word));
         }
     }
 

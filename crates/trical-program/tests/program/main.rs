@@ -415,6 +415,26 @@ fn a_routine_above_the_program_and_a_further_branch_are_met_as_the_program_leave
 }
 
 #[test]
+fn tools_behind_calls_that_are_too_deep_are_unknown_and_not_forgotten() {
+    let n = nominal(KR6);
+    let p = flange(&n, &[10.0, -80.0, 95.0, 20.0, 45.0, -10.0]);
+    let [a, b, c] = angles_zyx(&p.rotation).map(|a| format!("{:.7}", a.to_degrees()));
+    let [x, y, z] = mm(&p).map(|x| format!("{x:.5}"));
+    let said = |levels: usize| {
+        let routine = |k: usize| format!("DEF A{k}( )\nA{}( )\nEND\n", k + 1);
+        let all: String = (1..levels).map(routine).collect();
+        let text = format!(
+            "DEF M( )\n$TOOL=$NULLFRAME\nA1( )\nEND\n{all}DEF A{levels}( )\nLIN {{X {x},Y {y},Z {z},A {a},B {b},C {c}}}\nEND\n"
+        );
+        let (_, report) = run(text.as_bytes(), Dialect::Krl, &n, &real(&n), &Frames::default());
+        (report.rewritten, report.problems.iter().map(ToString::to_string).collect::<String>())
+    };
+    assert_eq!([10, 60].map(said), [(1, String::new()), (1, String::new())]);
+    let (rewritten, listed) = said(150);
+    assert!(rewritten == 0 && listed.contains("routines call each other, or too deep"), "{rewritten} {listed}");
+}
+
+#[test]
 fn a_turn_is_read_and_written_in_its_own_form() {
     let n = nominal(KR6);
     // joint 4 comes to the other side of zero
@@ -431,18 +451,23 @@ fn a_turn_is_read_and_written_in_its_own_form() {
     }
 }
 
+/// A listing that goes to the flange's place at these joints (deg), with turn numbers.
+fn listing(n: &Model, q: &[f64; 6], turns: &str) -> String {
+    let p = pose(0.0, 0.0, 330.0, 0.0, 0.0, 0.0).inverse().compose(&flange(n, q));
+    let [a, b, c] = angles_zyx(&p.rotation).map(|a| format!("{:.9}", a.to_degrees()));
+    let [x, y, z] = mm(&p).map(|x| format!("{x:.7}"));
+    format!(
+        "/PROG A\n/MN\n   1:L P[1] 100mm/sec FINE ;\n/POS\nP[1]{{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, {turns}',\n\tX = {x} mm, Y = {y} mm, Z = {z} mm, W = {c} deg, P = {b} deg, R = {a} deg\n}};\n/END\n"
+    )
+}
+
 #[test]
 fn turns_of_a_fanuc_are_read_and_rewritten_where_a_joint_crosses_them() {
     let n = nominal(LR);
     let mut crossed = 0;
     for (q6, turn) in [(190.0, 1), (-170.0, 0), (179.99999, 0), (-179.99999, 0)] {
         let q = [10.0, 12.0, -8.0, 20.0, -50.0, q6];
-        let p = pose(0.0, 0.0, 330.0, 0.0, 0.0, 0.0).inverse().compose(&flange(&n, &q));
-        let [a, b, c] = angles_zyx(&p.rotation).map(|a| format!("{:.9}", a.to_degrees()));
-        let [x, y, z] = mm(&p).map(|x| format!("{x:.7}"));
-        let text = format!(
-            "/PROG A\n/MN\n   1:L P[1] 100mm/sec FINE ;\n/POS\nP[1]{{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, {turn}',\n\tX = {x} mm, Y = {y} mm, Z = {z} mm, W = {c} deg, P = {b} deg, R = {a} deg\n}};\n/END\n"
-        );
+        let text = listing(&n, &q, &format!("0, 0, {turn}"));
         let (out, report) = run(text.as_bytes(), Dialect::Fanuc, &n, &real(&n), &Frames::default());
         let reached = report.rows[0].joints[5].to_degrees();
         assert!((reached - q6).abs() < 1.0, "{q6}: {reached}");
@@ -459,12 +484,7 @@ fn a_turn_that_a_fanuc_demands_does_not_speak_for_the_other_side_of_the_arm() {
     let n = nominal(LR);
     // joints 1 and 4 half a turn further reach the same, with a joint 4 that rounds to the same turn
     let q = [-13.7, 5.1, -0.8, 180.05, -29.2, 30.0];
-    let p = pose(0.0, 0.0, 330.0, 0.0, 0.0, 0.0).inverse().compose(&flange(&n, &q));
-    let [a, b, c] = angles_zyx(&p.rotation).map(|a| format!("{:.9}", a.to_degrees()));
-    let [x, y, z] = mm(&p).map(|x| format!("{x:.7}"));
-    let text = format!(
-        "/PROG A\n/MN\n   1:L P[1] 100mm/sec FINE ;\n/POS\nP[1]{{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 1, 0',\n\tX = {x} mm, Y = {y} mm, Z = {z} mm, W = {c} deg, P = {b} deg, R = {a} deg\n}};\n/END\n"
-    );
+    let text = listing(&n, &q, "0, 1, 0");
     let (_, report) = run(text.as_bytes(), Dialect::Fanuc, &n, &real(&n), &Frames::default());
     let reached = report.rows[0].joints.map(f64::to_degrees);
     assert!((reached[0] - q[0]).abs() < 1.0 && (reached[3] - q[3]).abs() < 1.0, "{reached:?}");

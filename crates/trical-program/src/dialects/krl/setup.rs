@@ -147,9 +147,13 @@ impl Reader<'_> {
         self.c.skip_blank();
         let name = self.c.word();
         self.c.skip_past(b')', b";\n\r");
-        let setup = self.motion_data.get(&target_of(name)).and_then(|s| self.scan.setups.get(*s as usize));
-        let said = setup.and_then(|s| if is_tool { s.tool.clone() } else { s.frame.clone() });
+        let said = self.known_motion_data(name).and_then(|s| if is_tool { s.tool.clone() } else { s.frame.clone() });
         said.unwrap_or_else(|| format!("of '{}'", String::from_utf8_lossy(name)))
+    }
+
+    /// Tool and base that motion data were given.
+    fn known_motion_data(&self, name: &[u8]) -> Option<&Setup> {
+        self.motion_data.get(&hashed(name)).and_then(|(_, setup)| self.scan.setups.get(*setup as usize))
     }
 
     /// The name of a tool that stands still while the robot carries the work: of a product that is not usable, whatever
@@ -368,20 +372,17 @@ impl Reader<'_> {
     /// `FDAT_ACT=FP1`: tool and base are those of the data, where these are known and as they were given.
     pub(super) fn take_motion_data(&mut self, name: &[u8], at: usize) {
         let is_whole = !matches!(self.c.peek(), b'[' | b'.' | b'(') && self.key(name, at) == hashed(name);
-        let known = self.motion_data.get(&target_of(name)).filter(|_| is_whole).copied();
-        self.now = match known.and_then(|s| self.scan.setups.get(s as usize)) {
-            Some(setup) => setup.clone(),
-            None => {
-                let unknown = self.calculated(format!("fdat_act={}", lower(name)));
-                Setup { tool: Some(unknown.clone()), frame: Some(unknown) }
-            }
-        };
+        let known = self.known_motion_data(name).filter(|_| is_whole).cloned();
+        self.now = known.unwrap_or_else(|| {
+            let unknown = self.calculated(format!("fdat_act={}", lower(name)));
+            Setup { tool: Some(unknown.clone()), frame: Some(unknown) }
+        });
     }
 
     /// `FDAT_ACT.TOOL_NO=2`, behind the part; of other data, that they are no longer as they were given.
     pub(super) fn part_of_motion_data(&mut self, name: &[u8], is_tool: bool) {
         if !name.eq_ignore_ascii_case(b"FDAT_ACT") {
-            self.motion_data.remove(&target_of(name));
+            self.motion_data.remove(&hashed(name));
             return;
         }
         self.c.eat_in_line(b'=');
@@ -400,7 +401,7 @@ impl Reader<'_> {
         let setup = self.said(&found);
         if setup != Setup::default() {
             let setup = self.scan.setup(setup);
-            self.motion_data.insert(target_of(name), setup);
+            self.motion_data.insert(hashed(name), (target_of(name), setup));
         }
     }
 }

@@ -10,6 +10,12 @@ pub(super) const KRL: &[Case] = &[
         &[(3, "changes while it is active"), (5, "changes while it is active")],
     ),
     case(
+        "motion data of any name that are given anew",
+        "TOOL_DATA[1]={X 18.0,Y -12.0,Z 118.0,A 0.0,B 0.0,C 0.0}\nDECL FDAT MYF={TOOL_NO 1,BASE_NO 0}\nFDAT_ACT=MYF\nLIN {@0}\nMYF={TOOL_NO 0,BASE_NO 0}\nFDAT_ACT=MYF\nLIN {@1}\n",
+        &[4],
+        &[(7, "fdat_act=myf")],
+    ),
+    case(
         "motion data that are named otherwise, or changed",
         "TOOL_DATA[1]={X 18.0,Y -12.0,Z 118.0,A 0.0,B 0.0,C 0.0}\nDECL FDAT FP1={TOOL_NO 1,BASE_NO 0}\nDECL FDAT FP2={TOOL_NO 1,BASE_NO 0}\nDECL FDAT F[1]\nF[1]={TOOL_NO 1,BASE_NO 0}\nFDAT_ACT=FP1\nLIN {@0}\nFDAT_ACT.TOOL_NO=0\nLIN {@1}\nFDAT_ACT.BASE_NO=N\nLIN {@2}\nFDAT_ACT=F[1]\nLIN {@3}\nFDAT_ACT=FP1\nLIN {@0}\nFP1.TOOL_NO=0\nFDAT_ACT=FP1\nLIN {@1}\nFDAT_ACT=FP2\nLIN {@2}\nFP2=FP1\nFDAT_ACT=FP2\nLIN {@3}\n",
         &[7, 9, 15, 20],

@@ -295,7 +295,7 @@ impl Names {
                     // one that is repeated is no longer one
                     if begin.is_some() { 2 * motions } else { motions }
                 }
-                Use::Direct(Visit::Fork(Fork::Other) | Visit::Like(_)) => 0,
+                Use::Direct(Visit::Fork(Fork::Other) | Visit::Like(_) | Visit::OnPath(_)) => 0,
                 Use::Direct(Visit::Fork(Fork::Anywhere)) => 2,
                 Use::Direct(_) => 1,
                 Use::Called { name, elsewhere } => {

@@ -97,6 +97,8 @@ pub enum Visit {
     },
     /// No motion: the next target is reached in the configuration nearest to these joints (index into `Scan::nearest`).
     Like(u32),
+    /// No motion: whether the motions that follow go along a path, on which the controller asks for no configuration.
+    OnPath(bool),
     /// To a place that only the running program knows.
     Unknown,
     /// No motion: the program need not come from the text above.
@@ -180,14 +182,23 @@ pub struct Scan {
 }
 
 impl Scan {
-    /// The first visit that says how the arm stands: joint values, or a configuration.
+    /// The first visit that says how the arm stands: joint values, or a configuration, rather one that the controller asks for.
     pub fn first_seed(&self) -> Option<usize> {
-        let says = |s: &Spot| s.shape.is_joints() || s.configuration != Configuration::Free;
-        self.visits.iter().position(|v| match v {
-            Visit::Like(_) => true,
-            Visit::To(spot) => self.spots.get(*spot as usize).is_some_and(says),
-            _ => false,
-        })
+        let (mut on_path, mut unasked) = (false, None);
+        for (k, v) in self.visits.iter().enumerate() {
+            match v {
+                Visit::OnPath(is) => on_path = *is,
+                Visit::Like(_) => return Some(k),
+                Visit::To(spot) => match self.spots.get(*spot as usize) {
+                    Some(s) if s.shape.is_joints() => return Some(k),
+                    Some(s) if s.configuration != Configuration::Free && !on_path => return Some(k),
+                    Some(s) if s.configuration != Configuration::Free => unasked = unasked.or(Some(k)),
+                    _ => {}
+                },
+                _ => {}
+            }
+        }
+        unasked
     }
 
     /// The numbers of a target.

@@ -134,7 +134,8 @@ impl Compensator<'_> {
             read_back[k] = text.parse().map_or(*x, |read: f64| read * scale);
             edits.push((*span, text));
         }
-        if !self.scan.configuration_off && !self.options.configuration_off {
+        let is_met = self.branches.mismatch(&spot.configuration, &start.q).is_some();
+        if is_met && !self.scan.configuration_off && !self.options.configuration_off {
             let new = self.branches.rewritten(&spot.configuration, &start.q, joints);
             let behind = spans.get(count..).unwrap_or(&[]);
             edits.extend(

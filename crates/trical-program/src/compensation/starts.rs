@@ -42,6 +42,11 @@ struct Walk<'a> {
     ws: Vec<(Workspace, Workspace)>,
     last: Joints,
     sense: MotionSense,
+    /// Whether something told how it stands there.
+    is_known: bool,
+    on_path: bool,
+    /// Targets whose configuration the controller asks for at some motion.
+    asked: HashSet<u32>,
     /// Of each branch that is open: before the first of them, and whether one moves the arm.
     open: Vec<(MotionSense, Joints, bool)>,
     /// Loops that move the arm.
@@ -57,7 +62,10 @@ impl Walk<'_> {
     /// The program need not come from the text above: visit `index` says from where.
     fn branch(&mut self, index: usize, fork: Fork) {
         match fork {
-            Fork::Anywhere => self.sense = unknown_sense(),
+            Fork::Anywhere => {
+                self.sense = unknown_sense();
+                self.is_known = false;
+            }
             Fork::Opens => self.open.push((self.sense.clone(), self.last, false)),
             Fork::Repeats => {
                 self.open.push((self.sense.clone(), self.last, false));
@@ -83,7 +91,8 @@ impl Walk<'_> {
     fn go_near(&mut self, spot: u32, shift: Vector3<f64>, in_tool: bool, at: u32) {
         let (all, last) = (self.all, &self.last);
         let target = all.scan.spots.get(spot as usize);
-        let Some(q) = target.and_then(|s| all.near(s, &shift, in_tool, last, &mut self.ws)) else {
+        let demanded = self.demanded(spot);
+        let Some(q) = target.and_then(|s| all.near(s, demanded, (&shift, in_tool), last, &mut self.ws)) else {
             self.sense = unknown_sense();
             return;
         };
@@ -95,16 +104,26 @@ impl Walk<'_> {
         }
     }
 
+    /// The configuration in which the arm comes to a target: on a path, that in which it is.
+    fn demanded(&self, index: u32) -> Configuration {
+        match self.all.scan.spots.get(index as usize) {
+            Some(spot) if !(self.on_path && self.is_known) || self.asked.contains(&index) => spot.configuration,
+            _ => Configuration::Free,
+        }
+    }
+
     /// The joints at a target are those of its first visit; a target without a solution is passed over.
-    fn go_to(&mut self, spot: &Spot, slot: &mut Option<Result<Start, String>>) {
+    fn go_to(&mut self, index: u32, spot: &Spot, slot: &mut Option<Result<Start, String>>) {
+        let demanded = self.demanded(index);
         let q = match slot {
             Some(Ok(known)) => Ok(known.q),
             Some(Err(_)) => return,
-            None => self.all.start(spot, &self.last, &mut self.ws),
+            None => self.all.start(spot, demanded, &self.last, &mut self.ws),
         };
         if let Ok(q) = &q {
             self.sense.push(q);
             self.last = *q;
+            self.is_known |= spot.shape.is_joints() || demanded != Configuration::Free;
         }
         if slot.is_none() {
             *slot = Some(q.map(|q| Start { q, dir: self.sense.sense() }));
@@ -127,7 +146,7 @@ impl Compensator<'_> {
                         *moves = true;
                     }
                 }
-                Visit::Fork(Fork::Other) | Visit::Like(_) => {}
+                Visit::Fork(Fork::Other) | Visit::Like(_) | Visit::OnPath(_) => {}
                 Visit::Fork(Fork::Anywhere) | Visit::To(_) | Visit::Near { .. } | Visit::Unknown => {
                     if let Some((_, moves)) = open.last_mut() {
                         *moves = true;
@@ -136,6 +155,20 @@ impl Compensator<'_> {
             }
         }
         moving
+    }
+
+    /// Targets whose configuration the controller asks for at some motion.
+    fn asked(&self) -> HashSet<u32> {
+        let mut on_path = false;
+        let asked = |v: &Visit| match v {
+            Visit::OnPath(is) => {
+                on_path = *is;
+                None
+            }
+            Visit::To(spot) | Visit::Near { spot, .. } if !on_path => Some(*spot),
+            _ => None,
+        };
+        self.scan.visits.iter().filter_map(asked).collect()
     }
 
     /// Targets that no motion names.
@@ -167,6 +200,9 @@ impl Compensator<'_> {
             ws: self.workspaces(),
             last: [0.0; MAX_JOINTS],
             sense: unknown_sense(),
+            is_known: false,
+            on_path: false,
+            asked: self.asked(),
             open: Vec::new(),
             repeated: self.moving_loops(),
             shifted: Vec::new(),
@@ -177,6 +213,9 @@ impl Compensator<'_> {
         let visits = &self.scan.visits;
         let seed = self.scan.first_seed().unwrap_or(0);
         let order = (seed..visits.len()).chain(0..seed);
+        walk.on_path =
+            visits.iter().take(seed).rev().find_map(|v| if let Visit::OnPath(is) = v { Some(*is) } else { None })
+                == Some(true);
         let in_order = order.filter_map(|k| Some((k, visits.get(k).copied()?)));
         for (index, visit) in in_order.chain((visits.len()..).zip(self.unvisited())) {
             if unwanted() {
@@ -197,11 +236,15 @@ impl Compensator<'_> {
             match visit {
                 Visit::Unknown => walk.sense = unknown_sense(),
                 Visit::Fork(fork) => walk.branch(index, fork),
-                Visit::Like(k) => walk.last = self.scan.nearest.get(k as usize).copied().unwrap_or(walk.last),
+                Visit::Like(k) => {
+                    walk.last = self.scan.nearest.get(k as usize).copied().unwrap_or(walk.last);
+                    walk.is_known = true;
+                }
+                Visit::OnPath(is) => walk.on_path = is,
                 Visit::Near { spot, shift, in_tool, at } => walk.go_near(spot, shift, in_tool, at),
                 Visit::To(k) => {
                     if let (Some(spot), Some(slot)) = (self.scan.spots.get(k as usize), out.get_mut(k as usize)) {
-                        walk.go_to(spot, slot);
+                        walk.go_to(k, spot, slot);
                     }
                 }
             }
@@ -241,8 +284,8 @@ impl Compensator<'_> {
     fn near(
         &self,
         spot: &Spot,
-        shift: &Vector3<f64>,
-        in_tool: bool,
+        demanded: Configuration,
+        (shift, in_tool): (&Vector3<f64>, bool),
         last: &Joints,
         ws: &mut [(Workspace, Workspace)],
     ) -> Option<Joints> {
@@ -251,10 +294,16 @@ impl Compensator<'_> {
         pose.translation += if in_tool { pose.rotation * shift } else { *shift };
         let world = place.world_from_frame.compose(&pose);
         let arm = self.arm(spot, place).ok()?;
-        self.solve(arm, &world, &spot.configuration, last, &mut ws.get_mut(arm)?.0).ok()
+        self.solve(arm, &world, demanded, last, &mut ws.get_mut(arm)?.0).ok()
     }
 
-    fn start(&self, spot: &Spot, last: &Joints, ws: &mut [(Workspace, Workspace)]) -> Result<Joints, String> {
+    fn start(
+        &self,
+        spot: &Spot,
+        demanded: Configuration,
+        last: &Joints,
+        ws: &mut [(Workspace, Workspace)],
+    ) -> Result<Joints, String> {
         let place = self.place(spot)?;
         let arm = self.arm(spot, place)?;
         match self.read(spot)?.1 {
@@ -267,7 +316,7 @@ impl Compensator<'_> {
             }
             Meant::Pose(pose) => {
                 let world = place.world_from_frame.compose(&pose);
-                self.solve(arm, &world, &spot.configuration, last, &mut ws[arm].0)
+                self.solve(arm, &world, demanded, last, &mut ws[arm].0)
                     .map_err(|e| format!("the program's own target: {e}"))
             }
         }
@@ -278,27 +327,27 @@ impl Compensator<'_> {
         &self,
         arm: usize,
         world: &Pose,
-        demanded: &Configuration,
+        demanded: Configuration,
         last: &Joints,
         ws: &mut Workspace,
     ) -> Result<Joints, String> {
         let nominal = &self.arms[arm].nominal;
         let off = self.scan.configuration_off || self.options.configuration_off;
-        let demanded = if off { &Configuration::Free } else { demanded };
+        let demanded = if off { Configuration::Free } else { demanded };
         let seed = State::at(last);
         if let Ok(q) = continue_from(nominal, world, &seed, ws) {
             let far = q.iter().zip(last).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-            if far < NEAR && self.branches.mismatch(demanded, &q) == Some(0) {
+            if far < NEAR && self.branches.mismatch(&demanded, &q) == Some(0) {
                 return Ok(q);
             }
         }
-        if *demanded == Configuration::Free {
+        if demanded == Configuration::Free {
             return nearest_solution(nominal, world, &seed, ws).map_err(|e| e.to_string());
         }
         let all = inverse_kinematics(nominal, world, &seed, ws).map_err(|e| e.to_string())?;
         // nearest first, so that the first of the best fits
         let best =
-            all.iter().filter_map(|s| Some((self.branches.mismatch(demanded, &s.joints)?, s))).min_by_key(|x| x.0);
+            all.iter().filter_map(|s| Some((self.branches.mismatch(&demanded, &s.joints)?, s))).min_by_key(|x| x.0);
         best.map(|(_, s)| s.joints).ok_or_else(|| {
             format!(
                 "no solution has the configuration that the program demands ({}); --any-configuration takes the solution nearest to the previous target",

@@ -43,6 +43,8 @@ const CURRENT: [&[u8]; 2] = [b"$TOOL", b"$BASE"];
 /// Tools and bases that the controller keeps by number.
 const ELEMENTS: [&[u8]; 2] = [b"TOOL_DATA", b"BASE_DATA"];
 const MOTIONS: [&[u8]; 7] = [b"PTP", b"LIN", b"CIRC", b"SPTP", b"SLIN", b"SCIRC", b"SPL"];
+/// Those of which the joints' ends matter: the controller takes status and turn of their targets.
+const FREE_MOTIONS: [&[u8]; 2] = [b"PTP", b"SPTP"];
 const RELATIVE: [&[u8]; 7] = [b"PTP_REL", b"LIN_REL", b"CIRC_REL", b"SPTP_REL", b"SLIN_REL", b"SCIRC_REL", b"SPL_REL"];
 /// Variables that say where the arm is.
 const HERE: [&[u8]; 5] = [b"$POS_ACT", b"$AXIS_ACT", b"$POS_ACT_MES", b"$AXIS_ACT_MES", b"$AXIS_ACT_MEAS"];
@@ -102,6 +104,7 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
             constants: Constants::with_integers(),
             now: Setup::default(),
             spline: None,
+            on_path: false,
             flow,
             motion_data: HashMap::new(),
             products: HashMap::new(),
@@ -188,6 +191,8 @@ struct Reader<'a> {
     now: Setup,
     /// Before the spline that the program is in.
     spline: Option<Setup>,
+    /// Whether the last motion went along a path.
+    on_path: bool,
     flow: Flow,
     /// What FDAT data say, by their names: the target that goes with them, and tool and base.
     motion_data: HashMap<u64, (u64, u32)>,
@@ -215,6 +220,11 @@ impl<'a> Reader<'a> {
                 self.number(before.eq_ignore_ascii_case(b"CONST"), word.eq_ignore_ascii_case(b"INT"));
             } else if is_one_of(word, &MOTIONS) {
                 let before = self.now.clone();
+                let on_path = !is_one_of(word, &FREE_MOTIONS);
+                if on_path != self.on_path {
+                    self.on_path = on_path;
+                    self.names.visit(Visit::OnPath(on_path));
+                }
                 self.with();
                 self.motion();
                 if self.now != before {

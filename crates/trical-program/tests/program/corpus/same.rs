@@ -13,6 +13,12 @@ pub(super) const SAME: &[(Dialect, &str, &str, &str)] = &[
     ),
     (
         Krl,
+        "status and turn of motions along a path, which the controller does not take",
+        "PTP {@0,S 2,T @T0}\nLIN {@1,S 6,T 63}\nCIRC {@2,S 0,T 0},{@3,S 2,T 10}\nSPLINE\nSPL {@1,S 5,T 10}\nENDSPLINE\nPTP {@2,S 2,T @T2}\n",
+        "PTP {@0,S 2,T @T0}\nLIN {@1}\nCIRC {@2},{@3}\nSPLINE\nSPL {@1}\nENDSPLINE\nPTP {@2,S 2,T @T2}\n",
+    ),
+    (
+        Krl,
         "a tool with the geometric operator",
         "TOOL_DATA[2]={X 18,Y -12,Z 18,A 90,B 0,C 0}\n$TOOL=TOOL_DATA[2]:{X 5,Y 0,Z 100,A 0,B 0,C 0}\nLIN {@0}\n",
         "$TOOL={X 18,Y -7,Z 118,A 90,B 0,C 0}\nLIN {@0}\n",

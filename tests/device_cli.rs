@@ -114,6 +114,7 @@ fn a_robot_is_pinged_read_and_jogged_with_go_only() {
     assert_ne!(joints()[1], 13.0);
     refused(&jog(&["--joint", "2", "--by-deg", "30", "--go"]), 2, "the limit is 5 deg (--max-deg)");
     refused(&jog(&["--joint", "2", "--by-deg", "300", "--max-deg", "400", "--go"]), 2, "outside its limits");
+    refused(&jog(&["--joint", "2", "--by-deg", "30", "--max-deg", "nan", "--go"]), 2, "the limit is NaN deg");
     refused(&jog(&["--joint", "7", "--by-deg", "1", "--go"]), 2, "expected 1 to 6");
     refused(&jog(&["--tool-mm", "0,0,9", "--go"]), 2, "5 mm at most");
     refused(&place.run(&["robot", "ping", "--controller", "rapid://127.0.0.1:1"]), 2, "cannot connect");
@@ -197,6 +198,10 @@ fn scripted_faults_stop_the_run_and_resume_completes_it() {
     assert_eq!(o.status.code(), Some(1));
     assert!(errors(&o).contains("--resume goes on"), "{}", errors(&o));
     let before = place.rows("run.mcap");
+    // what would be done now: the recording counts, and without --resume it stands in the way
+    refused(&place.measure(&cell, &[]), 2, "exists already");
+    let dry = place.json(&measure_args(&cell, &["--resume", "--json"]));
+    assert_eq!(dry["skipped"], before.len());
     drop(cell);
     // another cell of the same seed, as after a restart of the controller
     let cell = place.cell(&["--radio-ms", "3"]);

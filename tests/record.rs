@@ -167,6 +167,46 @@ fn an_arm_that_moves_a_file_that_rests_and_another_file_give_no_row() {
     assert!(errors(&done).contains("line 2 did not end"));
     let text = place.text("visits.csv");
     assert_eq!(text.lines().last(), Some("8,1,2,3,4,5,6,front,1,0,0,0"), "{text}");
+    // joints that the robot does not have, and units that are not the joint's own
+    for header in ["q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,q7_deg", "q1_deg,q2_mm,q3_deg,q4_deg,q5_deg,q6_deg"] {
+        place.write("feed.csv", format!("{header}\n"));
+        let told = place.record("feed.csv", "visits.csv", &[""]);
+        assert_eq!(told.status.code(), Some(2));
+        assert!(errors(&told).contains("q2_deg (or _rad), q3_deg"), "{}", errors(&told));
+    }
+    let told = place.record("still.csv", "visits.mcap", &[""]);
+    assert!(errors(&told).contains("expected the name of a CSV"), "{}", errors(&told));
+    // every reader would take it for no place
+    let told = place.run(&words("record --robot robot.toml --follow still.csv --place=NA --out visits.csv"));
+    assert!(errors(&told).contains("none that stands for nothing"), "{}", errors(&told));
+}
+
+#[test]
+fn rows_go_into_the_file_that_an_editor_has_put_in_the_place_of_the_recording() {
+    let place = Place::new();
+    let header = "t,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n";
+    let _writer = Writer::to(&place.path("still.csv"), header, |k| format!("{k},1,2,3,4,5,6\n"));
+    let record = "record --robot robot.toml --place front --follow still.csv --out visits.csv";
+    let mut child = place.command(&words(record)).stdin(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let (mut types, mut says) = (child.stdin.take().unwrap(), std::io::BufReader::new(child.stderr.take().unwrap()));
+    let mut wait = |words: &str| {
+        let mut line = String::new();
+        while !line.contains(words) {
+            line.clear();
+            assert!(says.read_line(&mut line).unwrap() > 0, "{words}");
+        }
+    };
+    types.write_all(b"\n2\n").unwrap();
+    wait("row 1: front, socket 2");
+    // the row that is wrong is taken out, as the note asks; the file is another one of that name
+    let kept: Vec<String> = place.text("visits.csv").lines().take(2).map(str::to_owned).collect();
+    place.write("edited.csv", kept.join("\n"));
+    std::fs::rename(place.path("edited.csv"), place.path("visits.csv")).unwrap();
+    types.write_all(b"3\nq\n").unwrap();
+    wait("row 2: front, socket 3");
+    assert!(child.wait().unwrap().success());
+    let text = place.text("visits.csv");
+    assert_eq!(text.lines().map(|l| l.split(',').next().unwrap()).collect::<Vec<_>>(), ["seq", "0", "2"], "{text}");
 }
 
 #[test]

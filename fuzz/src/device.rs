@@ -59,7 +59,7 @@ pub fn rapid(message: &[u8]) -> bool {
     let reply = rapid_protocol::parse_reply(message);
     if let Some(numbers) = reply.as_ref().and_then(|reply| rapid_protocol::parse_numbers(&reply.data)) {
         assert!(numbers.iter().all(|value| value.is_finite()));
-        if let Some(q) = rapid_protocol::parse_joints(&numbers, 6) {
+        if let Some(q) = rapid_protocol::parse_joints(&numbers, 6, &[]) {
             assert!(numbers.len() == 6 && q[6..] == [0.0; 3]);
         }
     }
@@ -69,7 +69,7 @@ pub fn rapid(message: &[u8]) -> bool {
 /// An answer of Robot Web Services: joints, or the value of a variable.
 pub fn rws(data: &[u8]) -> bool {
     let Ok(text) = std::str::from_utf8(data) else { return false };
-    let joints = rws_protocol::parse_joints(text);
+    let joints = rws_protocol::parse_joints(text, &[]);
     assert!(joints.iter().all(|(q, count)| (1..=6).contains(count) && q.iter().all(|q| q.is_finite())));
     let value = rws_protocol::parse_value(text);
     assert!(value.iter().all(|v| rws_protocol::unquoted(v).len() <= v.len()));

@@ -71,6 +71,10 @@ pub fn start(given: &[f64], robot: &Robot, usual: [f64; MAX_JOINTS]) -> Result<[
     for ((q, v), joint) in start.iter_mut().zip(given).zip(&robot.joints) {
         *q = if joint.kind == JointKind::Prismatic { v * 1e-3 } else { v.to_radians() };
     }
+    if found > 0 && !robot.within_limits(&start, 1e-9) {
+        let what = format!("--start-deg: found {given:?}, expected joints within the limits of {}", robot.name);
+        return Err(CliError::Input(what));
+    }
     Ok(start)
 }
 

@@ -110,16 +110,28 @@ impl JointFeed {
         if first.contains("q1_") {
             let names: Vec<&str> = first.split(',').map(str::trim).collect();
             let column = |k: usize| {
-                let units = [("deg", 1.0_f64.to_radians()), ("rad", 1.0), ("mm", 1e-3), ("m", 1.0)];
+                let units = match self.kinds.get(k) {
+                    Some(JointKind::Prismatic) => [("mm", 1e-3), ("m", 1.0)],
+                    _ => [("deg", 1.0_f64.to_radians()), ("rad", 1.0)],
+                };
                 units.iter().find_map(|(unit, factor)| {
                     let at = names.iter().position(|n| *n == format!("q{}_{unit}", k + 1))?;
                     Some((at, *factor))
                 })
             };
             let all: Option<Vec<(usize, f64)>> = (0..self.kinds.len()).map(column).collect();
+            let beyond = format!("q{}_", self.kinds.len() + 1);
+            let all = all.filter(|_| !names.iter().any(|n| n.starts_with(&beyond)));
+            let expected = |(k, kind): (usize, &JointKind)| match kind {
+                JointKind::Revolute => format!("q{}_deg (or _rad)", k + 1),
+                JointKind::Prismatic => format!("q{}_mm (or _m)", k + 1),
+            };
             self.columns = Some(all.ok_or_else(|| FeedError::Wrong {
                 path: path.to_owned(),
-                problem: format!("header: found {first:?}, expected q1_deg to q{}_deg (or _rad)", self.kinds.len()),
+                problem: format!(
+                    "header: found {first:?}, expected {}, one for each joint of the robot",
+                    self.kinds.iter().enumerate().map(expected).collect::<Vec<_>>().join(", ")
+                ),
             })?);
         }
         Ok(())

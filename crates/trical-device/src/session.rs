@@ -20,12 +20,12 @@ pub use settings::Settings;
 pub use told::Told;
 pub use touch_here::{BaseFit, SetUpError, base, tool_point, turned};
 
-use crate::controller::{ControllerError, StopCount, open_controller};
+use crate::controller::{Controller, ControllerError, StopCount, open_controller};
 use crate::gauge::{GaugeError, open_gauge};
 use crate::procedure::{MoveGuard, PlanEntry, ProcedureError, ProcedureOptions, Progress, RunReport, dry_run, run};
 use crate::url::without_secrets;
 use trical_recording::RecordError;
-use trical_recording::mcap::{Attachment, Header, RecordingWriter, check_not_written};
+use trical_recording::mcap::{Attachment, Header, RecordingWriter, check_not_written, check_same};
 
 /// What a measuring run needs.
 pub struct Session<'a> {
@@ -122,6 +122,24 @@ fn plan_sha256(plan: &[PlanEntry], stride: Option<u64>) -> Option<String> {
     (!plan.is_empty()).then(|| hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
+/// A controller by its URL, which moves this arm.
+///
+/// # Errors
+/// It cannot be used, or has another arm.
+pub fn open_controller_of(url: &str, robot: &Robot, cell: &Cell) -> Result<Box<dyn Controller>, SessionError> {
+    let mut controller = open_controller(url).map_err(SessionError::Controller)?;
+    if controller.joint_count() != robot.dof() {
+        return Err(SessionError::OtherArm {
+            controller: controller.name(),
+            found: controller.joint_count(),
+            robot: robot.name.clone(),
+            expected: robot.dof(),
+        });
+    }
+    controller.set_arm(&Forward::new(Model::nominal(robot.clone(), cell.clone()), Vec::new())?);
+    Ok(controller)
+}
+
 impl Session<'_> {
     /// What the recording says of the session.
     #[must_use]
@@ -148,8 +166,7 @@ impl Session<'_> {
     /// See [`SessionError`].
     pub fn perform(&self, watch: &mut dyn FnMut(Progress)) -> Result<RunReport, SessionError> {
         self.settings.check().map_err(SessionError::Settings)?;
-        let mut options = self.settings.options(self.robot, self.cell);
-        options.go = self.go;
+        let mut options = self.options();
         options.stride = self.stride;
         options.guard = Some(self.guard);
         let nominal = Forward::new(Model::nominal(self.robot.clone(), self.cell.clone()), Vec::new())?;
@@ -159,32 +176,38 @@ impl Session<'_> {
             let mut tool = nominal.world_from_tool(&state, ws);
             // the controller's tool has the axes of the flange
             tool.translation += nominal.world_from_flange(&state, ws).rotation * Vector3::from(by);
-            continue_from(&nominal, &tool, &state, ws).ok()
+            continue_from(&nominal, &tool, &state, ws).map_err(|e| e.to_string())
         };
         options.corrected = Some(&corrected);
         if !self.go {
-            return self.rehearse(&options);
+            return self.rehearse(&mut options);
         }
         check_not_written(self.out).map_err(SessionError::Recording)?;
         let mut gauge = open_gauge(self.gauge).map_err(SessionError::Gauge)?;
-        let mut controller = open_controller(self.controller).map_err(SessionError::Controller)?;
-        if controller.joint_count() != self.robot.dof() {
-            return Err(SessionError::OtherArm {
-                controller: controller.name(),
-                found: controller.joint_count(),
-                robot: self.robot.name.clone(),
-                expected: self.robot.dof(),
-            });
-        }
-        if let Some(stops) = &self.stops {
-            controller.stop_when(Arc::clone(stops));
-        }
+        let mut controller = self.open_controller()?;
         let mut log = self.open(&mut options, watch).map_err(SessionError::Recording)?;
         let result = run(self.plan, (gauge.as_mut(), controller.as_mut()), &mut log, &options, self.cancel, watch);
         let finished = log.finish();
         let report = result.map_err(SessionError::Run)?;
         finished.map_err(SessionError::Finish)?;
         Ok(report)
+    }
+
+    /// How to measure, with who may stop it.
+    fn options<'a>(&self) -> ProcedureOptions<'a> {
+        ProcedureOptions { go: self.go, stops: self.stops.clone(), ..self.settings.options(self.robot, self.cell) }
+    }
+
+    /// The controller, which moves this arm.
+    ///
+    /// # Errors
+    /// It cannot be used, or has another arm.
+    pub fn open_controller(&self) -> Result<Box<dyn Controller>, SessionError> {
+        let mut controller = open_controller_of(self.controller, self.robot, self.cell)?;
+        if let Some(stops) = &self.stops {
+            controller.stop_when(Arc::clone(stops));
+        }
+        Ok(controller)
     }
 
     /// A new recording, or the one to go on with; what it has is not measured again.
@@ -234,18 +257,28 @@ impl Session<'_> {
     }
 
     /// The steps of a run, without any device.
-    fn rehearse(&self, options: &ProcedureOptions<'_>) -> Result<RunReport, SessionError> {
+    fn rehearse(&self, options: &mut ProcedureOptions<'_>) -> Result<RunReport, SessionError> {
         let mut report = RunReport::default();
+        if self.out.exists() {
+            if !self.resume {
+                return Err(SessionError::Recording(RecordError::Exists { path: self.out.to_owned() }));
+            }
+            let before = check_same(self.out, &self.header()).map_err(SessionError::Recording)?;
+            report.warnings.extend(before.lost.clone());
+            options.skip = before.done();
+            report.skipped = self.plan.iter().filter(|entry| options.skip.contains(&entry.index)).count();
+        }
         // a URL that nobody could use is an error now; a device that is not there yet is not
         match open_gauge(self.gauge) {
             Err(e @ GaugeError::Url(_)) => return Err(SessionError::Gauge(e)),
             Err(e) => report.warnings.push(e.to_string()),
             Ok(_) => {}
         }
-        match open_controller(self.controller) {
-            Err(e @ ControllerError::Url(_)) => return Err(SessionError::Controller(e)),
-            Err(e) => report.warnings.push(e.to_string()),
-            Ok(_) => {}
+        match self.open_controller() {
+            Err(SessionError::Controller(e)) if !matches!(e, ControllerError::Url(_)) => {
+                report.warnings.push(e.to_string());
+            }
+            other => drop(other?),
         }
         report.warnings.extend(self.settings.too_tight());
         report.steps = dry_run(self.plan, options, self.robot.dof());

@@ -210,16 +210,23 @@ fn a_stop_is_sent_and_confirmed_while_the_arm_moves() {
     .unwrap();
     let stops = StopCount::default();
     client.stop_when(Arc::clone(&stops));
+    let asking = Arc::clone(&stops);
     let asks = std::thread::spawn(move || {
         std::thread::sleep(Duration::from_millis(80));
-        stops.ask();
+        asking.ask();
     });
     let error = client.move_joints(&[0.0; 9]).unwrap_err();
     assert!(matches!(error, ControllerError::Stopped), "{error}");
     asks.join().unwrap();
-    // the line can still be used, and the arm be moved again
+    // the line can still be used, and the arm be led back, but not on
     assert!(client.joints().is_ok());
+    assert!(matches!(client.correct([1e-3, 0.0, 0.0]), Err(ControllerError::NotBegun)));
+    stops.hear();
     client.correct([1e-3, 0.0, 0.0]).unwrap();
+    // a second request is the last one
+    stops.ask();
+    stops.hear();
+    assert!(matches!(client.correct([1e-3, 0.0, 0.0]), Err(ControllerError::NotBegun)));
 }
 
 #[test]
@@ -349,4 +356,24 @@ fn an_arm_whose_client_is_gone_stops() {
     std::thread::sleep(Duration::from_millis(300));
     let stands = cell.state().q;
     assert!((0.001..0.5).contains(&stands[0]), "{stands:?}");
+}
+
+#[test]
+fn joints_that_slide_are_in_mm_on_the_line() {
+    let (send, seen) = std::sync::mpsc::channel();
+    let mut client = connect(move |request| {
+        send.send(request.to_owned()).unwrap();
+        if request.starts_with("04") { Some("04 1 0 0 100 0 0 45#".to_owned()) } else { sound(request) }
+    })
+    .unwrap();
+    let mut robot = trical_model::Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
+    robot.joints[2].kind = trical_model::JointKind::Prismatic;
+    let model = trical_model::Model::nominal(robot, trical_model::Cell::bare());
+    client.set_arm(&trical_model::Forward::new(model, Vec::new()).unwrap());
+    let mut q = client.joints().unwrap();
+    assert!((q[2] - 0.1).abs() < 1e-12 && (q[5] - 45_f64.to_radians()).abs() < 1e-12, "{q:?}");
+    q[2] += 5e-3;
+    client.move_joints(&q).unwrap();
+    let sent = seen.try_iter().find(|request| request.starts_with("02")).unwrap();
+    assert!(sent.contains(" 105.00000 ") && sent.contains(" 45.00000"), "{sent}");
 }

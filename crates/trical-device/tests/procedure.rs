@@ -1,9 +1,11 @@
 //! The whole procedure against a virtual cell, through the real drivers.
 
+use std::cell::{Cell, RefCell};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::common::{BALLS, Bench, Gantry, bench, nominal, options, plan};
-use trical_device::controller::JointSettle;
+use trical_device::controller::{JointSettle, StopCount};
 use trical_device::procedure::{Retreat, Violation, stride, visits};
 use trical_device::virtual_cell::Unsettled;
 use trical_device::{
@@ -369,7 +371,7 @@ fn corrections_are_asked_of_the_guard_before_they_are_made() {
         let corrected = |at: &Joints, by: [f64; 3]| {
             let mut to = *at;
             to[4] += if far { 1.0 } else { by[0].abs() };
-            Some(to)
+            Ok(to)
         };
         let guard = |from: &Joints, to: &Joints, _: Option<usize>| {
             let correction = from[4] != to[4] && from[3] == to[3] && from[0] == to[0];
@@ -382,6 +384,66 @@ fn corrections_are_asked_of_the_guard_before_they_are_made() {
     };
     assert!(refuses(false).contains("the housing would meet the post) and was not driven"), "{}", refuses(false));
     assert!(refuses(true).contains("turns joint 5 by 57.296 deg"), "{}", refuses(true));
+}
+
+#[test]
+fn a_correction_of_which_nobody_knows_where_it_leads_is_not_made() {
+    let mut bench = bench();
+    let corrected = |_: &Joints, _: [f64; 3]| Err("joint 5 would have to be at 121.0 deg".to_owned());
+    let options = ProcedureOptions { corrected: Some(&corrected), ..options() };
+    let error = bench.run(&plan(1), &options).unwrap_err().to_string();
+    assert!(
+        error.contains("the correction: joint 5 would have to be at 121.0 deg") && bench.rows.is_empty(),
+        "{error}"
+    );
+}
+
+#[test]
+fn after_the_first_request_to_stop_no_motion_begins_but_those_that_lead_back() {
+    let corrected = |at: &Joints, _: [f64; 3]| Ok(*at);
+    let (mut led_back, mut n) = (0, 0);
+    loop {
+        n += 1;
+        let Bench { mut gauge, mut controller, mut rows, cell: _cell, .. } = bench();
+        let stops = StopCount::default();
+        controller.stop_when(Arc::clone(&stops));
+        let moves: RefCell<Vec<[Joints; 2]>> = RefCell::default();
+        let begun = Cell::new(false);
+        let guard = |from: &Joints, to: &Joints, _: Option<usize>| {
+            // the whole plan is asked for beforehand
+            if !begun.get() {
+                return Ok(());
+            }
+            moves.borrow_mut().push([*from, *to]);
+            // what has looked whether it is to stop has done so
+            if moves.borrow().len() == n {
+                stops.ask();
+            }
+            Ok(())
+        };
+        let asks = ProcedureOptions {
+            guard: Some(&guard),
+            corrected: Some(&corrected),
+            stops: Some(Arc::clone(&stops)),
+            ..options()
+        };
+        let never = AtomicBool::new(false);
+        let ended =
+            run(&plan(2), (gauge.as_mut(), controller.as_mut()), &mut rows, &asks, &never, &mut |_| begun.set(true));
+        let moves = moves.take();
+        if moves.len() < n {
+            break;
+        }
+        assert!(ended.unwrap_err().is_cancelled());
+        let (before, after) = moves.split_at(n);
+        let near = |a: &Joints, b: &Joints| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6);
+        let stood = before[n - 1][0];
+        assert!(after.first().is_none_or(|[from, _]| near(from, &stood)), "motion {n} began");
+        let been = |q: &Joints| before[..n - 1].iter().flatten().chain([&stood]).any(|b| near(q, b));
+        assert!(after.iter().all(|[_, to]| been(to)), "{n}: somewhere new");
+        led_back += usize::from(!after.is_empty());
+    }
+    assert!(n > 10 && led_back > 8, "{n} {led_back}");
 }
 
 #[test]

@@ -180,7 +180,7 @@ fn after_two_requests_to_end_no_motion_begins() {
     client.stop_when(Arc::clone(&stops));
     assert_eq!((stops.ask(), stops.ask()), (0, 1));
     let error = client.move_joints(&[0.0; 9]).unwrap_err();
-    assert!(matches!(error, ControllerError::Stopped), "{error}");
+    assert!(matches!(error, ControllerError::NotBegun), "{error}");
     assert_eq!((robot.lock().unwrap().seen.len(), stops.is_moving()), (2, false));
 }
 

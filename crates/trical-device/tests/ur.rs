@@ -46,7 +46,7 @@ fn joints_come_by_rtde_and_motions_end_with_their_number() {
         robot.programs,
         [
             "def trical():\n  set_tcp(p[0.0180000,-0.0120000,0.1180000,0,0,0])\n  movej([0.500000000,0.000000000,0.000000000,\
-             0.000000000,0.000000000,-3.500000000], a=0.5, v=0.20000)\n  write_output_integer_register(24, 42)\nend\n",
+             0.000000000,0.000000000,-3.500000000], a=0.5, v=0.01082)\n  write_output_integer_register(24, 42)\nend\n",
             "def trical():\n  set_tcp(p[0.0180000,-0.0120000,0.1180000,0,0,0])\n  movel(pose_trans(get_target_tcp_pose(), \
              p[0.000250000,-0.001000000,0.000000000,0,0,0]), a=0.2, v=0.05000)\n  write_output_integer_register(24, 43)\nend\n",
         ]
@@ -191,4 +191,33 @@ fn a_stop_by_the_user_reaches_the_arm() {
     assert!(matches!(error, ControllerError::Stopped), "{error}");
     drop(client);
     is_stopped(&robot);
+}
+
+#[test]
+fn a_joint_motion_moves_the_tool_nowhere_faster_than_asked_for() {
+    let (mut client, robot) = connect();
+    let arm = trical_model::Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
+    let arm =
+        trical_model::Forward::new(trical_model::Model::nominal(arm, trical_model::Cell::bare()), Vec::new()).unwrap();
+    client.set_arm(&arm);
+    client.set_speed(0.01, 0.3).unwrap();
+    let from = client.joints().unwrap();
+    let to: trical_model::Joints = std::array::from_fn(|k| if k < 6 { from[k] + 0.1 * k as f64 } else { 0.0 });
+    client.move_joints(&to).unwrap();
+    let program = robot.lock().unwrap().programs[0].clone();
+    let speed: f64 = program.split("v=").nth(1).unwrap().split(')').next().unwrap().parse().unwrap();
+    // the joint that goes farthest, joint 6, goes 0.5 rad at this speed, all others in the same time
+    let (mut ws, takes) = (arm.workspace(), 0.5 / speed);
+    let mut at = |s: f64| {
+        let q: trical_model::Joints = std::array::from_fn(|k| from[k] + s * (to[k] - from[k]));
+        arm.world_from_tool(&trical_model::State::at(&q), &mut ws).translation
+    };
+    let fastest =
+        (0..200).map(|k| (at((f64::from(k) + 1.0) / 200.0) - at(f64::from(k) / 200.0)).norm()).fold(0.0, f64::max);
+    let fastest = fastest * 200.0 / takes;
+    assert!((0.0098..0.01005).contains(&fastest), "{fastest}");
+    // one that hardly moves the tool keeps the speed of rotation
+    let turned: trical_model::Joints = std::array::from_fn(|k| to[k] + if k == 5 { 0.5 } else { 0.0 });
+    client.move_joints(&turned).unwrap();
+    assert!(robot.lock().unwrap().programs[1].contains("v=0.30000"));
 }

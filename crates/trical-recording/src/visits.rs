@@ -8,7 +8,9 @@ use std::path::{Path, PathBuf};
 use trical_model::robot::tidy;
 use trical_model::{JointKind, Joints, Robot};
 
+use crate::csv::is_nothing;
 use crate::error::{RecordError, Result};
+use crate::mcap::is_at;
 
 /// A CSV of visits that is open for more.
 #[derive(Debug)]
@@ -27,8 +29,11 @@ impl Visits {
     /// # Errors
     /// The operating system's; a file with other columns.
     pub fn open(path: &Path, robot: &Robot) -> Result<(Self, Option<String>)> {
+        Self::open_with(path, robot.joints.iter().map(|j| j.kind).collect())
+    }
+
+    fn open_with(path: &Path, kinds: Vec<JointKind>) -> Result<(Self, Option<String>)> {
         let io = |action| move |source| RecordError::Io { path: path.to_owned(), action, source };
-        let kinds: Vec<JointKind> = robot.joints.iter().map(|j| j.kind).collect();
         // a device may be read for ever
         crate::bounds::check_file(path, false)?;
         let mut file = OpenOptions::new()
@@ -97,6 +102,12 @@ impl Visits {
     }
 
     fn put(&mut self, line: &str) -> Result<()> {
+        // an editor puts another file in its place
+        if !self.path.canonicalize().is_ok_and(|path| is_at(&self.file, &path)) {
+            let next = self.next;
+            *self = Self::open_with(&self.path.clone(), std::mem::take(&mut self.kinds))?.0;
+            self.next = self.next.max(next);
+        }
         let io = |source| RecordError::Io { path: self.path.clone(), action: "be written", source };
         let before = self.file.seek(SeekFrom::End(0)).map_err(io)?;
         let written = self.file.write_all(format!("{line}\n").as_bytes()).and_then(|()| self.file.sync_data());
@@ -124,8 +135,10 @@ fn header(kinds: &[JointKind]) -> String {
 /// One sentence.
 pub fn check_place(name: &str) -> std::result::Result<(), String> {
     let plain = |c: char| c.is_alphanumeric() || "-_. ".contains(c);
-    if name.is_empty() || name.trim() != name || name.len() > 60 || !name.chars().all(plain) {
-        return Err(format!("found {name:?}, expected a name of letters, digits, -, _ and ."));
+    if is_nothing(name) || name.trim() != name || name.len() > 60 || !name.chars().all(plain) {
+        return Err(format!(
+            "found {name:?}, expected a name of letters, digits, -, _ and ., and none that stands for nothing (NA, none, -)"
+        ));
     }
     Ok(())
 }

@@ -14,7 +14,7 @@ use trical_device::gauge::trial::{bare_url, check_on_calibrator, master};
 use trical_device::gauge::with_zero;
 use trical_device::procedure::{MoveGuard, stride};
 use trical_device::session::{SetUpError, Settings, base, now_ns, tool_point, turned};
-use trical_device::{PlanEntry, Progress, Session, open_controller, visits};
+use trical_device::{PlanEntry, Progress, Session, visits};
 use trical_ident::write_whole;
 use trical_model::pose::rotation_vector;
 use trical_model::{Cell, Joints, Measured, Robot, Row};
@@ -268,7 +268,8 @@ impl Led<'_> {
     fn check_begun(&self) -> Result<()> {
         let path = beside(self.about.out, "setup.mcap");
         if path.exists() {
-            return Ok(check_same(&path, &self.session(&self.about.cell, &[], &path, FREE).header())?);
+            check_same(&path, &self.session(&self.about.cell, &[], &path, FREE).header())?;
+            return Ok(());
         }
         if self.kept.step > 1 { Err(missing(&path)) } else { Ok(()) }
     }
@@ -370,7 +371,8 @@ impl Led<'_> {
     /// A straight way that the collision model allows from where the arm is; at a ball the stems may meet it.
     fn drive(&self, q: &Joints) -> std::result::Result<(), String> {
         let about = &self.about;
-        let mut controller = open_controller(about.controller).map_err(|e| e.to_string())?;
+        let session = self.session(&self.cell, &[], about.out, FREE);
+        let mut controller = session.open_controller().map_err(|e| e.to_string())?;
         let settle = controller.joint_settle();
         let at = wait_settled(controller.as_mut(), &settle, &about.interrupt.asked).map_err(|e| e.to_string())?;
         let guard = MotionGuard::new(about.robot, &self.cell).map_err(|e| e.to_string())?;
@@ -383,7 +385,6 @@ impl Led<'_> {
             ));
         }
         controller.set_speed(about.settings.touch_speed, 10_f64.to_radians()).map_err(|e| e.to_string())?;
-        controller.stop_when(Arc::clone(&about.interrupt.stops));
         tell("The arm moves there.").map_err(|e| e.to_string())?;
         moved(controller.as_mut(), q).map_err(|e| e.to_string())
     }
@@ -675,11 +676,12 @@ impl Led<'_> {
                     continue;
                 }
             }
-            let start = open_controller(self.about.controller).and_then(|mut controller| {
+            let opened = self.session(&self.cell, &[], self.about.out, FREE).open_controller();
+            let start = opened.map_err(CliError::failed).and_then(|mut controller| {
                 let settle = controller.joint_settle();
-                wait_settled(controller.as_mut(), &settle, &self.about.interrupt.asked)
+                wait_settled(controller.as_mut(), &settle, &self.about.interrupt.asked).map_err(CliError::failed)
             });
-            match start.map_err(CliError::failed).and_then(|start| self.plan_from(Some(start))) {
+            match start.and_then(|start| self.plan_from(Some(start))) {
                 Ok(plan) => {
                     let path = beside(self.about.out, "plan.csv");
                     tell(&format!("{} touches are planned ({}).", plan.0.len(), path.display()))?;

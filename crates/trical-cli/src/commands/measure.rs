@@ -6,7 +6,7 @@ use std::sync::Arc;
 use serde_json::json;
 use trical_device::procedure::stride;
 use trical_device::session::{self, now_ns};
-use trical_device::{Session, visits};
+use trical_device::{Progress, Session, visits};
 use trical_plan::MotionGuard;
 
 use crate::commands::{guided, plan};
@@ -173,18 +173,27 @@ pub fn run(args: &Args) -> Result<()> {
         cancel: &interrupt.asked,
         stops: Some(Arc::clone(&interrupt.stops)),
     };
-    let mut view = View::new();
-    let report = perform(&session, ", --resume goes on", &mut |p| view.show(&p));
+    let (mut view, mut warnings) = (View::new(), Vec::new());
+    let report = perform(&session, ", --resume goes on", &mut |p| {
+        if let Progress::Warning(w) = &p {
+            warnings.push(w.clone());
+        }
+        view.show(&p);
+    });
     view.end();
-    let report = report?;
-    for w in &report.warnings {
+    // a battery that is low often tells why a run has failed
+    if let Ok(report) = &report {
+        warnings.extend(report.warnings.iter().filter(|_| !args.go).cloned());
+    }
+    for w in &warnings {
         crate::note!("trical: note: {w}");
     }
+    let report = report?;
     let refused = report.steps.iter().find(|step| step.contains("REFUSED"));
     if args.json {
         let value = json!({
             "measured": report.measured, "skipped": report.skipped, "corrections": report.corrections,
-            "warnings": report.warnings, "steps": report.steps,
+            "warnings": warnings, "steps": report.steps,
         });
         say(serde_json::to_string_pretty(&value)?)?;
     } else if args.go {

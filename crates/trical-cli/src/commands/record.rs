@@ -6,9 +6,10 @@ use std::sync::atomic::AtomicBool;
 
 use clap::ArgGroup;
 use serde_json::json;
+use trical_device::Controller;
 use trical_device::controller::wait_settled;
 use trical_device::joint_feed::JointFeed;
-use trical_device::{Controller, open_controller};
+use trical_device::session::{SessionError, open_controller_of};
 use trical_model::{Cell, JointKind, Joints, Robot};
 use trical_recording::visits::{Visits, check_place};
 use trical_report::table;
@@ -44,17 +45,18 @@ pub struct Args {
 }
 
 enum Source<'a> {
-    /// Its URL, and the controller while it answers.
-    Controller(&'a str, Option<Box<dyn Controller>>),
+    /// Its URL and arm, and the controller while it answers.
+    Controller(&'a str, &'a Robot, Option<Box<dyn Controller>>),
     Feed(JointFeed),
 }
 
 impl Source<'_> {
     fn joints(&mut self) -> std::result::Result<Joints, String> {
         match self {
-            Self::Controller(url, open) => {
+            Self::Controller(url, robot, open) => {
                 // one that has failed is opened anew: it may be there again
-                let mut controller = open.take().map_or_else(|| open_controller(url), Ok).map_err(|e| e.to_string())?;
+                let anew = || open_controller_of(url, robot, &Cell::bare());
+                let mut controller = open.take().map_or_else(anew, Ok).map_err(|e| e.to_string())?;
                 let settle = controller.joint_settle();
                 let q =
                     wait_settled(controller.as_mut(), &settle, &AtomicBool::new(false)).map_err(|e| e.to_string())?;
@@ -104,6 +106,10 @@ const HELP: &str = "Enter takes the joints at the same socket, 1, 2, ... at that
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
+    if args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap")) {
+        let what = format!("--out: found {}, expected the name of a CSV, which rows are added to", args.out.display());
+        return Err(CliError::Input(what));
+    }
     check_place(&args.place).map_err(|e| CliError::Input(format!("--place: {e}")))?;
     let robot = Robot::load(&args.robot)?;
     let sockets = args.cell.as_ref().map(|c| Cell::load(c)).transpose()?.map(|c| c.balls.len().max(1));
@@ -178,15 +184,13 @@ pub fn run(args: &Args) -> Result<()> {
     say(format!("{} added to {}", table::counted(taken, "row"), args.out.display()))
 }
 
-fn source<'a>(args: &'a Args, robot: &Robot) -> Result<Source<'a>> {
+fn source<'a>(args: &'a Args, robot: &'a Robot) -> Result<Source<'a>> {
     if let Some(url) = &args.controller {
-        let controller = open_controller(url)?;
-        let (found, expected) = (controller.joint_count(), robot.dof());
-        if found != expected {
-            let what = format!("--controller: has {found} joints, and {} has {expected}", args.robot.display());
-            return Err(CliError::Input(what));
-        }
-        return Ok(Source::Controller(url, Some(controller)));
+        let controller = open_controller_of(url, robot, &Cell::bare()).map_err(|e| match e {
+            SessionError::Controller(e) => e.into(),
+            e => CliError::Input(format!("--controller: {e}")),
+        })?;
+        return Ok(Source::Controller(url, robot, Some(controller)));
     }
     let path = args.follow.as_ref().ok_or_else(|| CliError::Input("--controller or --follow is missing".into()))?;
     Ok(Source::Feed(JointFeed::open(path, robot).map_err(CliError::input)?))

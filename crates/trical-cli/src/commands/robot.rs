@@ -8,7 +8,7 @@ use serde_json::json;
 use trical_device::controller::trial::{self, JogError, check_speed};
 use trical_device::controller::wait_settled;
 use trical_device::{Controller, open_controller};
-use trical_model::{Joints, Robot};
+use trical_model::{Cell, Forward, Joints, Model, Robot};
 
 use crate::error::{CliError, Result};
 use crate::{interrupt, say};
@@ -171,11 +171,15 @@ fn move_a_little(jog: &Jog) -> Result<()> {
     let robot = robot.as_ref();
     let what = jog.what(robot)?;
     let unit = if robot.is_some_and(|r| r.prismatic().contains(&true)) { "deg (mm)" } else { "deg" };
+    let interrupt = interrupt::watch()?;
     let mut controller = jog.link.open()?;
+    controller.stop_when(interrupt.stops);
+    if let Some(robot) = robot {
+        controller.set_arm(&Forward::new(Model::nominal(robot.clone(), Cell::bare()), Vec::new())?);
+    }
     let count = controller.joint_count();
     let settle = controller.joint_settle();
-    let never = AtomicBool::new(false);
-    let from = wait_settled(controller.as_mut(), &settle, &never).map_err(CliError::failed)?;
+    let from = wait_settled(controller.as_mut(), &settle, &interrupt.asked).map_err(CliError::failed)?;
     let to = what.target(&from, count, jog.max_deg.to_radians(), robot).map_err(|e| jog.refused(&e))?;
     let along = if let trial::Jog::Tool(by) = &what { Some(*by) } else { None };
     let would = along.map_or_else(
@@ -191,9 +195,8 @@ fn move_a_little(jog: &Jog) -> Result<()> {
         say(format!("Would move {would}, at {} mm/s.", jog.speed_mm_s))?;
         return say("Nothing has moved. Add --go to move.");
     }
-    controller.stop_when(interrupt::watch()?.stops);
     what.go(controller.as_mut(), &to, jog.speed_mm_s * 1e-3).map_err(CliError::failed)?;
-    let at = wait_settled(controller.as_mut(), &settle, &never).map_err(CliError::failed)?;
+    let at = wait_settled(controller.as_mut(), &settle, &AtomicBool::new(false)).map_err(CliError::failed)?;
     let degrees = in_degrees(&at, count, robot);
     if jog.link.json {
         return say(serde_json::to_string_pretty(&json!({ "moved": true, "joints_deg": degrees }))?);

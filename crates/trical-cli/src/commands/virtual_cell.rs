@@ -89,7 +89,9 @@ impl Args {
         }
         let unsettled = match self.unsettled.as_slice() {
             [] => None,
-            [deg, mm, s] if *s > 0.0 => Some(Unsettled { joint: deg.to_radians(), indicator: mm * 1e-3, time: *s }),
+            [deg, mm, s] if *s > 0.0 && deg.is_finite() && mm.is_finite() => {
+                Some(Unsettled { joint: deg.to_radians(), indicator: mm * 1e-3, time: *s })
+            }
             other => {
                 return Err(CliError::Input(format!(
                     "--unsettled: found {other:?}, expected three numbers: deg, mm and a positive time in s"

@@ -15,6 +15,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use thiserror::Error;
+use trical_model::Forward;
 use trical_model::error::read_text;
 use trical_model::recording::Joints;
 
@@ -29,11 +30,12 @@ pub use ur::{UrClient, UrSettings};
 
 /// How often the user has asked for the end, and whether a motion is under way.
 ///
-/// A motion under way is stopped when the number grows. After the first request the next motion may begin all the same, so that
-/// the arm can be led back; after the second one none does.
+/// A motion under way is stopped when the number grows, and none begins after the first request, until whoever leads the arm back says
+/// that it was [heard](Self::hear). After the second one none does.
 #[derive(Debug, Default)]
 pub struct StopRequests {
     asked: AtomicUsize,
+    heard: AtomicUsize,
     moving: AtomicBool,
 }
 
@@ -41,6 +43,11 @@ impl StopRequests {
     /// Asks once more; gives how often that was done before.
     pub fn ask(&self) -> usize {
         self.asked.fetch_add(1, Ordering::SeqCst)
+    }
+
+    /// What was asked for so far is being done: the motions that follow lead the arm back.
+    pub fn hear(&self) {
+        self.heard.store(self.asked.load(Ordering::SeqCst), Ordering::SeqCst);
     }
 
     /// Whether a motion is under way, or its stop. After two requests none begins: once this is false the program may end.
@@ -67,7 +74,8 @@ impl Stops {
         // in this order: who asks looks whether anything moves after it has counted
         stops.moving.store(true, Ordering::SeqCst);
         let motion = Motion { before: stops.asked.load(Ordering::SeqCst), stops };
-        if motion.before > 1 { Err(ControllerError::Stopped) } else { Ok(motion) }
+        let heard = motion.stops.heard.load(Ordering::SeqCst);
+        if motion.before > heard || motion.before > 1 { Err(ControllerError::NotBegun) } else { Ok(motion) }
     }
 }
 
@@ -159,6 +167,9 @@ pub trait Controller: Send {
     /// Who may stop a motion under way: it then ends, through the controller, with [`ControllerError::Stopped`]. A controller
     /// without this finishes its motion.
     fn stop_when(&mut self, _count: StopCount) {}
+
+    /// Which arm it moves: joints that slide, and how far the tool goes when joints turn. Until this is said all joints turn.
+    fn set_arm(&mut self, _arm: &Forward) {}
 
     /// When the joints of this arm are taken as standing still.
     fn joint_settle(&self) -> JointSettle {
@@ -288,6 +299,9 @@ pub enum ControllerError {
     /// The user asked to stop, and the controller has stopped the motion under way.
     #[error("stopped by the user in the middle of a motion")]
     Stopped,
+    /// The user asked to stop before the motion began.
+    #[error("stopped by the user before a motion began")]
+    NotBegun,
     /// The controller was asked to stop the motion under way, and does not say that it did.
     #[error(
         "robot controller {controller}: asked to stop the arm, and has not confirmed it{}; use the emergency stop if it still moves",
@@ -368,6 +382,11 @@ pub(crate) fn connected(address: &str, timeout: Duration, read: Duration) -> Res
         }
     }
     Err(failed(last))
+}
+
+/// SI units of one that a controller of ABB speaks of: mm of a joint that slides, else deg.
+pub(crate) fn wire_unit(slides: &[bool], joint: usize) -> f64 {
+    if slides.get(joint) == Some(&true) { 1e-3 } else { 1_f64.to_radians() }
 }
 
 /// Opens a controller by its URL.

@@ -4,6 +4,7 @@ use std::io::{self, Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
+use trical_model::Forward;
 use trical_model::recording::{Joints, MAX_JOINTS};
 
 use super::rapid_protocol::{self as protocol, Reply, code};
@@ -60,6 +61,7 @@ pub struct RapidClient<S> {
     settings: RapidSettings,
     buffer: Vec<u8>,
     joints: usize,
+    slides: [bool; MAX_JOINTS],
     correction_limit: f64,
     history: Vec<JointSample>,
     stops: Stops,
@@ -90,6 +92,7 @@ impl<S: Read + Write + Send> RapidClient<S> {
             settings,
             buffer: Vec::new(),
             joints: 0,
+            slides: [false; MAX_JOINTS],
             correction_limit: 0.0,
             history: Vec::new(),
             stops: Stops::default(),
@@ -305,7 +308,7 @@ impl<S: Read + Write + Send> RapidClient<S> {
     fn keep_sample(&mut self, data: &str) -> bool {
         let Some(numbers) = protocol::parse_numbers(data) else { return false };
         let Some((t, degrees)) = numbers.split_first() else { return false };
-        let Some(q) = protocol::parse_joints(degrees, self.joints) else { return false };
+        let Some(q) = protocol::parse_joints(degrees, self.joints, &self.slides) else { return false };
         self.history.push(JointSample { t: *t, q });
         self.history.len() < MOST_SAMPLES
     }
@@ -340,12 +343,12 @@ impl<S: Read + Write + Send> Controller for RapidClient<S> {
     fn joints(&mut self) -> Result<Joints, ControllerError> {
         let answer = self.simple(code::JOINTS, &[], 0)?;
         protocol::parse_numbers(&answer)
-            .and_then(|degrees| protocol::parse_joints(&degrees, self.joints))
+            .and_then(|degrees| protocol::parse_joints(&degrees, self.joints, &self.slides))
             .ok_or_else(|| self.garbage("04 #", answer.as_bytes(), format!("{} joint values in degrees", self.joints)))
     }
 
     fn move_joints(&mut self, target: &Joints) -> Result<(), ControllerError> {
-        self.motion(code::MOVE_JOINTS, &protocol::joints_in_degrees(target, self.joints), 5)
+        self.motion(code::MOVE_JOINTS, &protocol::joint_parameters(target, self.joints, &self.slides), 5)
     }
 
     fn correct(&mut self, displacement: [f64; 3]) -> Result<(), ControllerError> {
@@ -383,6 +386,10 @@ impl<S: Read + Write + Send> Controller for RapidClient<S> {
 
     fn stop_when(&mut self, count: StopCount) {
         self.stops.listen(count);
+    }
+
+    fn set_arm(&mut self, arm: &Forward) {
+        self.slides = arm.model().robot.prismatic();
     }
 
     fn joint_settle(&self) -> JointSettle {

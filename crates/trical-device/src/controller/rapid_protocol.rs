@@ -25,6 +25,8 @@
 
 use trical_model::recording::{Joints, MAX_JOINTS};
 
+use super::wire_unit;
+
 /// Version of the dialect.
 pub const VERSION: u32 = 1;
 
@@ -162,27 +164,27 @@ pub fn parse_reply(message: &[u8]) -> Option<Reply> {
     Some(Reply { code, ok, data: data.trim().to_owned() })
 }
 
-/// Joint values (rad) as parameters in degrees, of the first `count` joints.
+/// Joint values (SI) as parameters, of the first `count` joints: degrees, and mm of those that slide.
 #[must_use]
-pub fn joints_in_degrees(q: &Joints, count: usize) -> Vec<f64> {
-    q.iter().take(count).map(|q| q.to_degrees()).collect()
+pub fn joint_parameters(q: &Joints, count: usize, slides: &[bool]) -> Vec<f64> {
+    q.iter().take(count).enumerate().map(|(k, q)| q / wire_unit(slides, k)).collect()
 }
 
-/// Joint values (rad) as text: degrees with five decimals.
+/// Joint values (SI) as text: degrees with five decimals, and mm of those that slide.
 #[must_use]
-pub fn write_joints(q: &Joints, count: usize) -> String {
-    joints_in_degrees(q, count).into_iter().map(|q| number(q, 5)).collect::<Vec<_>>().join(" ")
+pub fn write_joints(q: &Joints, count: usize, slides: &[bool]) -> String {
+    joint_parameters(q, count, slides).into_iter().map(|q| number(q, 5)).collect::<Vec<_>>().join(" ")
 }
 
-/// Reads degrees as joint values in rad; there must be `count` of them.
+/// Reads degrees, and mm of joints that slide, as joint values; there must be `count` of them.
 #[must_use]
-pub fn parse_joints(degrees: &[f64], count: usize) -> Option<Joints> {
-    if degrees.len() != count || count > MAX_JOINTS {
+pub fn parse_joints(values: &[f64], count: usize, slides: &[bool]) -> Option<Joints> {
+    if values.len() != count || count > MAX_JOINTS {
         return None;
     }
     let mut q = [0.0; MAX_JOINTS];
-    for (q, degrees) in q.iter_mut().zip(degrees) {
-        *q = degrees.to_radians();
+    for (k, (q, value)) in q.iter_mut().zip(values).enumerate() {
+        *q = value * wire_unit(slides, k);
     }
     Some(q)
 }
@@ -224,8 +226,8 @@ mod tests {
     #[test]
     fn six_joints_fit_a_rapid_string_of_80_characters() {
         let q = [(-359.999_99_f64).to_radians(); MAX_JOINTS];
-        assert!(write_request(code::MOVE_JOINTS, &joints_in_degrees(&q, 6), 5).len() <= 80);
-        assert!(write_reply(code::JOINTS, true, &write_joints(&q, 6)).len() <= 80);
+        assert!(write_request(code::MOVE_JOINTS, &joint_parameters(&q, 6, &[]), 5).len() <= 80);
+        assert!(write_reply(code::JOINTS, true, &write_joints(&q, 6, &[])).len() <= 80);
     }
 
     #[test]
@@ -259,8 +261,8 @@ mod tests {
 
         #[test]
         fn joints_come_back_to_five_decimals(degrees in proptest::collection::vec(-400.0_f64..400.0, 6)) {
-            let q = parse_joints(&degrees, 6).unwrap();
-            let back = parse_joints(&parse_numbers(&write_joints(&q, 6)).unwrap(), 6).unwrap();
+            let q = parse_joints(&degrees, 6, &[]).unwrap();
+            let back = parse_joints(&parse_numbers(&write_joints(&q, 6, &[])).unwrap(), 6, &[]).unwrap();
             for (a, b) in q.iter().zip(&back) {
                 prop_assert!((a - b).to_degrees().abs() < 5.1e-6);
             }

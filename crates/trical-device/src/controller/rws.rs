@@ -7,7 +7,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use digest_auth::{AuthContext, HttpMethod, WwwAuthenticateHeader};
-use trical_model::recording::Joints;
+use trical_model::Forward;
+use trical_model::recording::{Joints, MAX_JOINTS};
 use ureq::tls::{Certificate, RootCerts, TlsConfig};
 
 use super::rapid_protocol::{self, code};
@@ -79,6 +80,7 @@ pub struct RwsClient {
     /// Number of the last request; `None` = the module was not asked yet.
     sequence: Option<u64>,
     history: Vec<JointSample>,
+    slides: [bool; MAX_JOINTS],
     stops: Stops,
 }
 
@@ -114,6 +116,7 @@ impl RwsClient {
             begin: Instant::now(),
             sequence: None,
             history: Vec::new(),
+            slides: [false; MAX_JOINTS],
             stops: Stops::default(),
         };
         let path = protocol::joints_path(&client.settings.unit);
@@ -208,7 +211,7 @@ impl RwsClient {
     }
 
     fn parse_joints(&self, path: &str, body: &str) -> Result<(Joints, usize), ControllerError> {
-        protocol::parse_joints(body).ok_or_else(|| self.garbage(path, body, "JSON with rax_1 to rax_6"))
+        protocol::parse_joints(body, &self.slides).ok_or_else(|| self.garbage(path, body, "JSON with rax_1 to rax_6"))
     }
 
     fn get(&mut self, name: &str) -> Result<String, ControllerError> {
@@ -335,8 +338,8 @@ impl Controller for RwsClient {
     }
 
     fn move_joints(&mut self, target: &Joints) -> Result<(), ControllerError> {
-        let degrees = rapid_protocol::joints_in_degrees(target, self.joints);
-        self.command(code::MOVE_JOINTS, &degrees, self.settings.move_timeout).map(|_| ())
+        let target = rapid_protocol::joint_parameters(target, self.joints, &self.slides);
+        self.command(code::MOVE_JOINTS, &target, self.settings.move_timeout).map(|_| ())
     }
 
     fn correct(&mut self, displacement: [f64; 3]) -> Result<(), ControllerError> {
@@ -359,6 +362,10 @@ impl Controller for RwsClient {
 
     fn stop_when(&mut self, count: StopCount) {
         self.stops.listen(count);
+    }
+
+    fn set_arm(&mut self, arm: &Forward) {
+        self.slides = arm.model().robot.prismatic();
     }
 
     fn joint_settle(&self) -> JointSettle {

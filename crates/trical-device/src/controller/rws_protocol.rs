@@ -3,6 +3,8 @@
 use serde_json::Value;
 use trical_model::recording::{Joints, MAX_JOINTS};
 
+use super::wire_unit;
+
 /// Path of the joints of a mechanical unit.
 #[must_use]
 pub fn joints_path(unit: &str) -> String {
@@ -23,7 +25,7 @@ fn state(body: &str) -> Option<Value> {
 
 /// Joints in an answer: `rax_1` to `rax_6` in degrees, as text or numbers; rad, and how many there are.
 #[must_use]
-pub fn parse_joints(body: &str) -> Option<(Joints, usize)> {
+pub fn parse_joints(body: &str, slides: &[bool]) -> Option<(Joints, usize)> {
     let state = state(body)?;
     let mut q = [0.0; MAX_JOINTS];
     let mut count = 0;
@@ -37,7 +39,7 @@ pub fn parse_joints(body: &str) -> Option<(Joints, usize)> {
         if !f64::is_finite(degrees) || degrees.abs() >= 1e6 {
             break;
         }
-        *q = degrees.to_radians();
+        *q = degrees * wire_unit(slides, k);
         count += 1;
     }
     (count > 0).then_some((q, count))
@@ -80,13 +82,13 @@ mod tests {
 
     #[test]
     fn the_answers_of_the_services() {
-        let (q, count) = parse_joints(JOINTS).unwrap();
+        let (q, count) = parse_joints(JOINTS, &[]).unwrap();
         assert_eq!(count, 6);
         assert!((q[0].to_degrees() - 1.5).abs() < 1e-12 && (q[5].to_degrees() - 180.25).abs() < 1e-12);
         let body = r#"{"_embedded":{"_state":[{"_type":"rap-data","value":"\"joint 3 out of limits\""}]}}"#;
         assert_eq!(unquoted(&parse_value(body).unwrap()), "joint 3 out of limits");
         for bad in ["", "{}", "[]", r#"{"_embedded":{"_state":[]}}"#, r#"{"_embedded":{"_state":[{"rax_1":"x"}]}}"#] {
-            assert!(parse_joints(bad).is_none(), "{bad}");
+            assert!(parse_joints(bad, &[]).is_none(), "{bad}");
         }
     }
 
@@ -103,10 +105,10 @@ mod tests {
     proptest! {
         #[test]
         fn any_answer_is_refused_or_taken_without_a_panic(text in ".{0,200}", value in "[0-9eE+.\\-\"]{0,12}") {
-            let _ = parse_joints(&text);
+            let _ = parse_joints(&text, &[]);
             let _ = parse_value(&text);
             let body = format!("{{\"_embedded\":{{\"_state\":[{{\"rax_1\":\"{}\"}}]}}}}", value.replace('"', ""));
-            if let Some((q, _)) = parse_joints(&body) {
+            if let Some((q, _)) = parse_joints(&body, &[]) {
                 prop_assert!(q.iter().all(|q| q.is_finite()));
             }
         }

@@ -1,12 +1,13 @@
 //! For a person who tries the controller's cable: is it there, where are the joints, a small motion.
 
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use thiserror::Error;
 use trical_model::recording::Joints;
 use trical_model::{JointKind, Robot};
 
-use super::{Controller, ControllerError, moved};
+use super::{Controller, ControllerError, largest_difference, moved, wait_settled};
 
 /// How a controller answers.
 #[derive(Clone, Debug, PartialEq)]
@@ -155,7 +156,7 @@ impl Jog {
             let (si, unit) = shown_in(robot, k);
             let by = (b - a) / si;
             let limit = trical_model::robot::tidy(most.to_degrees());
-            if !by.is_finite() || by.abs() > limit {
+            if !(-limit..=limit).contains(&by) {
                 return Err(JogError::Far { joint: k + 1, by, limit, unit });
             }
         }
@@ -177,7 +178,15 @@ impl Jog {
     pub fn go(&self, controller: &mut dyn Controller, to: &Joints, speed: f64) -> Result<(), ControllerError> {
         controller.set_speed(speed, 10_f64.to_radians())?;
         match self {
-            Self::Tool(by) => controller.correct(*by),
+            Self::Tool(by) => {
+                let settle = controller.joint_settle();
+                let stands = |c: &mut dyn Controller| wait_settled(c, &settle, &AtomicBool::new(false));
+                let before = stands(controller)?;
+                controller.correct(*by)?;
+                let still = largest_difference(&before, &stands(controller)?).1 == 0.0 && by.iter().any(|v| *v != 0.0);
+                let why = "answered that it did, and all joints are as before";
+                if still { Err(ControllerError::refused(&controller.name(), "move the tool", why)) } else { Ok(()) }
+            }
             _ => moved(controller, to),
         }
     }

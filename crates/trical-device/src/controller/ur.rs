@@ -8,10 +8,14 @@ use std::net::{Shutdown, TcpStream};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use trical_model::Forward;
 use trical_model::recording::Joints;
 
 use super::rtde::{self, State, kind};
-use super::{Controller, ControllerError, JointSettle, LOOK_FOR_STOP, StopCount, Stops, confirmed_stop, connected};
+use super::{
+    Controller, ControllerError, JointSettle, LOOK_FOR_STOP, StopCount, Stops, confirmed_stop, connected,
+    largest_difference,
+};
 use trical_recording::motion::JointSample;
 
 /// Settings of the connection.
@@ -46,6 +50,10 @@ impl Default for UrSettings {
 
 /// Samples a second.
 const FREQUENCY: f64 = 25.0;
+/// How far the tool of any of this maker's arms is from a joint, m.
+const REACH: f64 = 2.0;
+/// Parts of a joint motion of which the fastest counts.
+const WAY_PARTS: usize = 50;
 /// Samples that are kept until somebody takes them.
 const MOST_SAMPLES: usize = 100_000;
 
@@ -100,6 +108,7 @@ pub struct UrClient {
     tcp: [f64; 3],
     linear: f64,
     angular: f64,
+    arm: Option<Forward>,
     stops: Stops,
 }
 
@@ -149,6 +158,7 @@ impl UrClient {
             tcp: [0.0; 3],
             linear: 0.01,
             angular: 0.1,
+            arm: None,
             stops: Stops::default(),
         };
         client.fresh()?;
@@ -213,6 +223,27 @@ impl UrClient {
         sent.map_err(|e| self.lost(&e.to_string()))
     }
 
+    /// How long the tool's way would be if it went all of a joint motion as fast as where it is fastest, m. Of an arm that is not known, the longest
+    /// that one of this maker can make.
+    fn way(&self, from: &Joints, to: &Joints) -> f64 {
+        let Some(arm) = &self.arm else {
+            return REACH * from.iter().zip(to).map(|(a, b)| (b - a).abs()).sum::<f64>();
+        };
+        let mut ws = arm.workspace();
+        let mut at = |k: usize| {
+            let part = k as f64 / WAY_PARTS as f64;
+            let q: Joints = std::array::from_fn(|i| from[i] + part * (to[i] - from[i]));
+            arm.world_from_tool(&trical_model::State::at(&q), &mut ws).translation
+        };
+        let (mut before, mut longest) = (at(0), 0.0_f64);
+        for k in 1..=WAY_PARTS {
+            let now = at(k);
+            longest = longest.max((now - before).norm());
+            before = now;
+        }
+        longest * WAY_PARTS as f64
+    }
+
     /// Runs a motion and waits for its number. Of an arm that does not arrive in time, of which nothing is heard any more, or that stands
     /// for its safety, the program is ended: it is not to go on later.
     fn run(&mut self, motion: &str) -> Result<(), ControllerError> {
@@ -262,6 +293,8 @@ impl UrClient {
     }
 }
 
+/// What a read says that took too long.
+const NO_ANSWER: &str = "no answer in time";
 /// Ends whatever program runs.
 const STOP: &str = "def trical_stop():\n  stopj(2.0)\nend\n";
 
@@ -289,6 +322,9 @@ fn next(stream: &mut TcpStream, bytes: &mut Vec<u8>) -> Result<(u8, Vec<u8>), St
             Ok(0) => return Err("closed at its other end".to_owned()),
             Ok(count) => bytes.extend_from_slice(some.get(..count).unwrap_or_default()),
             Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
+            Err(e) if matches!(e.kind(), std::io::ErrorKind::WouldBlock | std::io::ErrorKind::TimedOut) => {
+                return Err(NO_ANSWER.to_owned());
+            }
             Err(e) => return Err(e.to_string()),
         }
     }
@@ -297,7 +333,10 @@ fn next(stream: &mut TcpStream, bytes: &mut Vec<u8>) -> Result<(u8, Vec<u8>), St
 /// Version, fields, start; gives the number of the recipe.
 fn greet(stream: &mut TcpStream, bytes: &mut Vec<u8>, name: &str, timeout: Duration) -> Result<u8, ControllerError> {
     let mut ask = |request: &[u8], wanted: u8, what: &str, expected: &str, right: &dyn Fn(&[u8]) -> bool| {
-        let lost = |reason: String| ControllerError::Lost { controller: name.to_owned(), reason };
+        let lost = |reason: String| match reason.as_str() {
+            NO_ANSWER => ControllerError::silent(name, what, timeout),
+            _ => ControllerError::Lost { controller: name.to_owned(), reason },
+        };
         stream.write_all(request).map_err(|e| lost(e.to_string()))?;
         let begin = Instant::now();
         loop {
@@ -337,7 +376,11 @@ impl Controller for UrClient {
 
     fn move_joints(&mut self, target: &Joints) -> Result<(), ControllerError> {
         let q: Vec<String> = target.iter().take(6).map(|q| format!("{q:.9}")).collect();
-        self.run(&format!("movej([{}], a=0.5, v={:.5})", q.join(","), self.angular))
+        let from = self.joints()?;
+        let (farthest, way) = (largest_difference(&from, target).1, self.way(&from, target));
+        // a joint motion knows no speed of the tool: that of its joints is such that the tool is nowhere faster
+        let speed = if way > 0.0 { self.angular.min(self.linear * farthest / way) } else { self.angular };
+        self.run(&format!("movej([{}], a=0.5, v={speed:.5})", q.join(",")))
     }
 
     fn correct(&mut self, displacement: [f64; 3]) -> Result<(), ControllerError> {
@@ -375,6 +418,10 @@ impl Controller for UrClient {
 
     fn stop_when(&mut self, count: StopCount) {
         self.stops.listen(count);
+    }
+
+    fn set_arm(&mut self, arm: &Forward) {
+        self.arm = Some(arm.clone());
     }
 
     fn joint_settle(&self) -> JointSettle {

@@ -295,7 +295,7 @@ impl From<GaugeError> for Violation {
 impl From<ControllerError> for Violation {
     fn from(error: ControllerError) -> Self {
         match error {
-            ControllerError::Cancelled => Self::Cancelled,
+            ControllerError::Cancelled | ControllerError::NotBegun => Self::Cancelled,
             ControllerError::Stopped => Self::Stopped,
             other => Self::Controller(other),
         }

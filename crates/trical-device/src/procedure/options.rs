@@ -5,7 +5,7 @@ use std::fmt;
 
 use trical_model::recording::Joints;
 
-use crate::controller::{ARRIVAL, JointSettle};
+use crate::controller::{ARRIVAL, JointSettle, StopCount};
 use crate::gauge::Settle;
 use trical_recording::motion::MotionSense;
 
@@ -13,8 +13,8 @@ use trical_recording::motion::MotionSense;
 /// On the way into and out of a touch the stems may meet its ball (counted from 0), elsewhere none.
 pub type MoveGuard<'a> = &'a (dyn Fn(&Joints, &Joints, Option<usize>) -> Result<(), String> + 'a);
 
-/// Where the nominal arm's joints would be after a displacement of the tool (m, in its axes); `None` where it cannot say.
-pub type CorrectedJoints<'a> = &'a (dyn Fn(&Joints, [f64; 3]) -> Option<Joints> + 'a);
+/// Where the nominal arm's joints would be after a displacement of the tool (m, in its axes); in one sentence, why it cannot go there.
+pub type CorrectedJoints<'a> = &'a (dyn Fn(&Joints, [f64; 3]) -> Result<Joints, String> + 'a);
 
 /// Limits of the procedure; whatever is beyond ends the run and makes the arm retreat.
 #[derive(Clone, Debug, PartialEq)]
@@ -127,6 +127,8 @@ pub struct ProcedureOptions<'a> {
     pub guard: Option<MoveGuard<'a>>,
     /// With this the guard is asked for corrections too, and turns of joints are known before they are made.
     pub corrected: Option<CorrectedJoints<'a>>,
+    /// Told when the arm is led back although the user has asked for the end.
+    pub stops: Option<StopCount>,
 }
 
 impl Default for ProcedureOptions<'_> {
@@ -155,6 +157,7 @@ impl Default for ProcedureOptions<'_> {
             check_release: true,
             guard: None,
             corrected: None,
+            stops: None,
         }
     }
 }

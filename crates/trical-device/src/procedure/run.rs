@@ -519,6 +519,7 @@ impl Runner<'_, '_> {
             _ => 1,
         };
         self.retreating = true;
+        self.options.stops.iter().for_each(|stops| stops.hear());
         match self.back_to(keep) {
             Ok(()) => RetreatOutcome::Done,
             Err(violation) => RetreatOutcome::Failed(Box::new(violation)),

@@ -1,7 +1,5 @@
 //! A touch where the arm stands, and what such touches say of tool and base.
 
-use std::sync::Arc;
-
 use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
 use trical_model::pose::rotation_vector;
@@ -9,7 +7,7 @@ use trical_model::recording::Row;
 use trical_model::{Cell, Forward, Joints, Measured, Model, ModelError, Pose, Robot, State};
 
 use super::{Session, SessionError};
-use crate::controller::{open_controller, wait_settled};
+use crate::controller::wait_settled;
 use crate::gauge::open_gauge;
 use crate::procedure::{
     FlangeTouch, PlanEntry, ProcedureError, Progress, TcpError, TcpFit, base_from_balls, run, tcp_from_touches,
@@ -68,14 +66,11 @@ impl Session<'_> {
         watch: &mut dyn FnMut(Progress),
     ) -> Result<Row, SessionError> {
         let mut gauge = open_gauge(self.gauge).map_err(SessionError::Gauge)?;
-        let mut controller = open_controller(self.controller).map_err(SessionError::Controller)?;
-        if let Some(stops) = &self.stops {
-            controller.stop_when(Arc::clone(stops));
-        }
+        let mut controller = self.open_controller()?;
         let settle = controller.joint_settle();
         let at = wait_settled(controller.as_mut(), &settle, self.cancel).map_err(SessionError::Controller)?;
         let entry = PlanEntry { index, ball, joints: at, via: Vec::new() };
-        let mut options = self.settings.options(self.robot, self.cell);
+        let mut options = self.options();
         options.go = true;
         options.begin_t = self.goes_on_at(log, watch);
         let mut found = None;

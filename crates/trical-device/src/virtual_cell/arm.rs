@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 use nalgebra::Matrix3;
 use trical_model::ik::continue_from;
 use trical_model::touch::reading_at;
-use trical_model::{Forward, Joints, Model, Pose, State, Workspace};
+use trical_model::{Forward, Joints, MAX_JOINTS, Model, Pose, State, Workspace};
 
 use super::{CellOptions, Frame, Plant};
 use crate::url::Secret;
@@ -45,6 +45,10 @@ impl ArmPlant {
 impl Plant for ArmPlant {
     fn joints(&self) -> usize {
         self.truth.model().robot.dof()
+    }
+
+    fn slides(&self) -> [bool; MAX_JOINTS] {
+        self.truth.model().robot.prismatic()
     }
 
     fn balls(&self) -> usize {

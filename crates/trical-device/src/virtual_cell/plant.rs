@@ -1,6 +1,6 @@
 //! What the virtual cell asks of the arm behind it.
 
-use trical_model::recording::{Joints, State};
+use trical_model::recording::{Joints, MAX_JOINTS, State};
 
 /// Position in m and the rows of a rotation matrix.
 pub type Frame = ([f64; 3], [[f64; 3]; 3]);
@@ -11,6 +11,11 @@ pub type Frame = ([f64; 3], [[f64; 3]; 3]);
 pub trait Plant: Send {
     /// Number of joints.
     fn joints(&self) -> usize;
+
+    /// Which of them slide; where this is not said, none.
+    fn slides(&self) -> [bool; MAX_JOINTS] {
+        [false; MAX_JOINTS]
+    }
 
     /// Number of balls.
     fn balls(&self) -> usize;

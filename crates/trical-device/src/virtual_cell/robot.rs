@@ -168,7 +168,7 @@ fn answer(message: &[u8], world: &mut World) -> Option<String> {
     }
     // who speaks another language may have a command somewhere in what follows
     let request = protocol::parse_request(message)?;
-    let count = world.joint_count();
+    let (count, slides) = (world.joint_count(), world.slides());
     let wrong_count = || Err("wrong number of parameters".to_owned());
     let mut samples = Vec::new();
     let mut moved = |result: Result<Vec<JointSample>, String>| {
@@ -179,11 +179,11 @@ fn answer(message: &[u8], world: &mut World) -> Option<String> {
     };
     let result: Result<String, String> = match (request.code, request.parameters.as_slice()) {
         (code::PING | code::TOOL | code::STOP | code::ALIVE, _) => Ok(String::new()),
-        (code::MOVE_JOINTS, degrees) => match protocol::parse_joints(degrees, count) {
+        (code::MOVE_JOINTS, degrees) => match protocol::parse_joints(degrees, count, &slides) {
             Some(target) => moved(world.move_joints(&target)),
             None => wrong_count(),
         },
-        (code::JOINTS, _) => Ok(protocol::write_joints(&world.joints(), count)),
+        (code::JOINTS, _) => Ok(protocol::write_joints(&world.joints(), count, &slides)),
         (code::SPEED, [linear, angular]) => {
             world.set_speed(linear * 1e-3, angular.to_radians()).map(|()| String::new())
         }
@@ -206,7 +206,7 @@ fn answer(message: &[u8], world: &mut World) -> Option<String> {
     let mut reply: String = samples
         .iter()
         .map(|sample| {
-            let data = format!("{:.3} {}", sample.t, protocol::write_joints(&sample.q, count));
+            let data = format!("{:.3} {}", sample.t, protocol::write_joints(&sample.q, count, &slides));
             protocol::write_reply(code::SAMPLE, true, &data)
         })
         .collect();

@@ -5,7 +5,7 @@ use std::time::Instant;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64Mcg;
-use trical_model::recording::{Joints, State};
+use trical_model::recording::{Joints, MAX_JOINTS, State};
 
 use super::script::Counters;
 use super::{CellOptions, Fault, Frame, Plant};
@@ -140,6 +140,10 @@ impl World {
 
     pub(super) fn joint_count(&self) -> usize {
         self.plant.joints()
+    }
+
+    pub(super) fn slides(&self) -> [bool; MAX_JOINTS] {
+        self.plant.slides()
     }
 
     pub(super) fn joints(&self) -> Joints {

@@ -87,14 +87,14 @@ fn lock(file: File, path: &Path) -> Result<Locked, RecordError> {
 
 /// Whether a path leads to this very file.
 #[cfg(unix)]
-pub(super) fn is_at(file: &File, path: &Path) -> bool {
+pub(crate) fn is_at(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
     let same = |a: std::fs::Metadata, b: std::fs::Metadata| (a.dev(), a.ino()) == (b.dev(), b.ino());
     file.metadata().and_then(|ours| path.symlink_metadata().map(|theirs| same(ours, theirs))).unwrap_or(false)
 }
 
 #[cfg(not(unix))]
-pub(super) fn is_at(_: &File, path: &Path) -> bool {
+pub(crate) fn is_at(_: &File, path: &Path) -> bool {
     path.is_file()
 }
 

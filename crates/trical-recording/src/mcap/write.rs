@@ -107,8 +107,8 @@ fn write_attachments(mcap: &mut Mcap, header: &Header, before: Option<&RawFile>)
 ///
 /// # Errors
 /// As of [`RecordingWriter::resume`].
-pub fn check_same(path: &Path, header: &Header) -> Result<(), RecordError> {
-    read_same(path, header).map(|_| ())
+pub fn check_same(path: &Path, header: &Header) -> Result<ReadRecording, RecordError> {
+    read_same(path, header).map(|(_, read)| read)
 }
 
 /// A recording that was made with the same robot, cell, plan and joints.

@@ -6,8 +6,9 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
 use trical_device::gauge::AXES;
-use trical_device::{Controller, Gauge, open_controller, open_gauge};
-use trical_model::{JointKind, Joints, Robot};
+use trical_device::session::{SessionError, open_controller_of};
+use trical_device::{Controller, Gauge, open_gauge};
+use trical_model::{Cell, JointKind, Joints, Robot};
 use trical_report::table;
 
 use crate::error::{CliError, Result};
@@ -126,7 +127,8 @@ impl<'a> Live<'a> {
     /// A device that cannot be read is opened anew the next time: a cable may have been plugged in again.
     fn read(&mut self, robot: &Robot) -> [String; 2] {
         let indicators = reading(&mut self.gauge, || open_gauge(self.urls.0), |gauge| gauge.read());
-        let q = reading(&mut self.controller, || open_controller(self.urls.1), |controller| controller.joints());
+        let open = || open_controller_of(self.urls.1, robot, &Cell::bare());
+        let q = reading(&mut self.controller, open, |controller| controller.joints().map_err(SessionError::Controller));
         now(indicators, q, robot, self.stroke)
     }
 }

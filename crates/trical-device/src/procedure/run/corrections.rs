@@ -68,7 +68,8 @@ impl Runner<'_, '_> {
         self.check_cancelled()?;
         self.look()?;
         let before = self.at;
-        if let Some(to) = self.options.corrected.and_then(|corrected| corrected(&before, reading)) {
+        if let Some(corrected) = self.options.corrected {
+            let to = corrected(&before, reading).map_err(|why| Violation::NoWay(format!("the correction: {why}")))?;
             self.check_turn(&before, &to, length)?;
             self.options.allow(&before, &to, self.touching).map_err(Violation::NoWay)?;
         }

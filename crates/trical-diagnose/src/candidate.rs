@@ -1,10 +1,38 @@
 //! One explanation of the residuals that can be tried.
 
+use std::fmt;
+use std::sync::Arc;
+
 use trical_model::{Basis, Place, Shape, Site, Term, Variable};
 
 use crate::covariates::{is_order, moment};
 use crate::effect_id::Cause;
 use crate::settings::CURVE_COEFFICIENTS;
+
+/// What coefficients of a candidate (SI) are possible; anything where nothing is said.
+#[derive(Clone, Default)]
+pub struct Physical(Option<Arc<Holds>>);
+
+type Holds = dyn Fn(&[f64]) -> bool + Send + Sync;
+
+impl Physical {
+    /// Those for which this holds.
+    pub fn when(holds: impl Fn(&[f64]) -> bool + Send + Sync + 'static) -> Self {
+        Self(Some(Arc::new(holds)))
+    }
+
+    /// Whether they are possible.
+    #[must_use]
+    pub fn allows(&self, coefficients: &[f64]) -> bool {
+        self.0.as_ref().is_none_or(|holds| holds(coefficients))
+    }
+}
+
+impl fmt::Debug for Physical {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(if self.0.is_some() { "some" } else { "anything" })
+    }
+}
 
 /// One explanation that can be tried: the terms that it would add.
 #[derive(Clone, Debug)]
@@ -19,8 +47,8 @@ pub struct Candidate {
     pub terms: Vec<Term>,
     /// Sign that each coefficient must have to be physics; 0 where both are possible.
     pub signs: Vec<i8>,
-    /// Whether coefficients of these values (or proportional ones) are physics.
-    pub physical: fn(&[f64]) -> bool,
+    /// Whether coefficients of these values are physics.
+    pub physical: Physical,
     /// Typical size of a coefficient, SI, for saying beforehand what the data could show.
     pub typical: f64,
     /// Prior standard deviation of each coefficient, SI: half of the large end of what is usual. A coefficient beyond that is not
@@ -204,13 +232,6 @@ pub(crate) fn cycles_of(t: &Term) -> Option<f64> {
         _ => None,
     }
 }
-
-/// No relation between coefficients is asked for.
-#[must_use]
-pub fn anything(_: &[f64]) -> bool {
-    true
-}
-
 /// Candidates that say the same as curves in other words: the curves themselves, waves of theirs, and free curves of the same angle at the
 /// same joint.
 #[must_use]
@@ -240,7 +261,7 @@ mod tests {
             behaviour: "joint 2 is off".into(),
             terms: bases.iter().map(term).collect(),
             signs: vec![0; bases.len()],
-            physical: anything,
+            physical: Physical::default(),
             typical: 0.0,
             scales: vec![1.0; bases.len()],
             log_prior: 0.0,

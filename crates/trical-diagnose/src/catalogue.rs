@@ -2,7 +2,7 @@
 
 use trical_model::{Axis, Basis, Motion, Place, Scope, Shape, Site, Term, Variable};
 
-use crate::candidate::{Candidate, anything};
+use crate::candidate::{Candidate, Physical};
 use crate::covariates::Covariates;
 use crate::effect_id::{Cause, EffectId};
 use crate::effects::EFFECTS;
@@ -68,7 +68,7 @@ pub fn reading_noise(recorded: &Covariates<'_>) -> Vec<Candidate> {
         site,
         behaviour: behaviour.into(),
         signs: vec![sign; terms.len()],
-        physical: anything,
+        physical: Physical::default(),
         typical: 0.0,
         scales: vec![0.5; terms.len()],
         log_prior: 0.0,

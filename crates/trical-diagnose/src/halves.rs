@@ -115,7 +115,7 @@ mod tests {
     use trical_model::{Basis, Place, Site};
 
     use super::*;
-    use crate::candidate::anything;
+    use crate::candidate::Physical;
     use crate::effect_id::{Cause, EffectId};
     use crate::test_data::with_joint_2;
 
@@ -128,7 +128,7 @@ mod tests {
             behaviour: String::new(),
             terms: vec![term],
             signs: vec![0],
-            physical: anything,
+            physical: Physical::default(),
             typical: 0.0,
             scales: vec![1.0],
             log_prior: 0.0,

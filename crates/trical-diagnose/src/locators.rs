@@ -5,7 +5,7 @@
 use trical_ident::dataset::Dataset;
 use trical_model::{Basis, Beside, JointKind, Model, Place, Shape, Site, Term, Variable};
 
-use crate::candidate::{Candidate, anything};
+use crate::candidate::{Candidate, Physical};
 use crate::covariates::{is_order, name, order_of, value};
 use crate::effect_id::{Cause, UNEXPLAINED};
 use crate::settings::{
@@ -103,7 +103,7 @@ fn candidate(joint: usize, terms: Vec<Term>, what: &str) -> Candidate {
         site: Place::Joint(joint),
         behaviour: format!("joint {joint} is off in a way that {what} tells"),
         signs: vec![0; terms.len()],
-        physical: anything,
+        physical: Physical::default(),
         scales: vec![UNNAMED_SIZE_RAD; terms.len()],
         terms,
         typical: 0.0,

@@ -206,7 +206,7 @@ mod tests {
             behaviour: "drift".into(),
             terms: vec![Term::new("drift", "drift", Site::Joint { joint: 2 }, order(Shape::Linear))],
             signs: vec![0],
-            physical: crate::candidate::anything,
+            physical: crate::candidate::Physical::default(),
             typical: 0.0,
             scales: vec![1e-4],
             log_prior: 0.0,

@@ -8,7 +8,7 @@ use trical_ident::error::Result;
 use trical_ident::identify::Identified;
 use trical_model::{Basis, JointKind, Place, Shape, Site, Term, Variable};
 
-use crate::candidate::{Candidate, anything};
+use crate::candidate::{Candidate, Physical};
 use crate::covariates::name;
 use crate::effect_id::{Cause, UNEXPLAINED};
 use crate::effects::ripple;
@@ -68,7 +68,7 @@ pub fn fast(fitted: &Identified, data: &Dataset) -> Result<Vec<Candidate>> {
                 Term::new(name, UNEXPLAINED, Site::Joint { joint }, Basis::new(variable, shape))
             };
             Candidate {
-                physical: anything,
+                physical: Physical::default(),
                 cause: Cause::Unexplained,
                 site: Place::Joint(joint),
                 behaviour: format!("joint {joint} is off in a way that repeats every {every} of {}", name(variable)),
@@ -102,7 +102,7 @@ pub fn ask_for(waves: &[Candidate], fitted: &Identified, probes: &mut Probes) {
 fn apparent(fitted: &Identified, data: &Dataset) -> Result<Vec<Apparent>> {
     let columns: Vec<Candidate> = (1..=joints_of(fitted))
         .map(|joint| Candidate {
-            physical: anything,
+            physical: Physical::default(),
             cause: Cause::Unexplained,
             site: Place::Joint(joint),
             behaviour: String::new(),

@@ -10,6 +10,7 @@ use trical_ident::folds::Folds;
 use trical_ident::identifiability::Choice;
 use trical_ident::identify::ErrorSummary;
 use trical_ident::model_file::Uncertainty;
+use trical_ident::readings::Scatter;
 use trical_model::{Cell, Forward, Model, Place, Robot, Task, Term};
 
 use crate::candidate::Candidate;
@@ -29,7 +30,7 @@ use crate::phases;
 use crate::probability::{Alternative, Says, Shares, probabilities, shares};
 use crate::rounds::{BASELINE, Rounds, is_parameter_of_arm};
 use crate::selection::Search;
-use crate::settings::{ALTERNATIVES, DOUBTED_BELOW, UNNAMED_PRICE_NATS};
+use crate::settings::{ALTERNATIVES, BEYOND_READINGS, DOUBTED_BELOW, UNNAMED_PRICE_NATS};
 use crate::specification_test::{Probes, SpecificationTest, doubt_by_rest};
 use crate::statistics::odds_outside_catalogue;
 use crate::verdict;
@@ -120,6 +121,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
             .chain(unsearched.as_ref().map(ToString::to_string))
             .chain(too_many(effective, arm_parameters(&fitted.model), folds))
             .chain(rounds.correlation.caution())
+            .chain(rounds.readings.map(|r| read_several_times(r, rounds.touch_sigma())))
             .chain(another_zero(&grounds, &kept.names))
             .chain(no_better_elsewhere("in a session", plain_by_session, by_session))
             .chain(no_better_elsewhere("at a place of the balls", plain_by_place, by_place))
@@ -169,6 +171,25 @@ fn another_zero(grounds: &[(Vec<Candidate>, Vec<Candidate>)], names: &[String]) 
         "joint {joint} has another zero in {odd} than in the {others}{which}; the model has that of the {others}. Where {odd} is the newest, say so by \
          dates in the names of the recordings (as in cell-2026-11-22.csv): the model then has the arm as it is now"
     ))
+}
+
+/// What readings of one pose that were taken one after the other say beside what is left (m, standard deviation of their means).
+fn read_several_times(of_pose: Scatter, left: f64) -> String {
+    let Scatter { sd, readings, freedom } = of_pose;
+    let times = (10.0 * readings).round() / 10.0;
+    let counted = format!("poses were read {times} times one after the other: their means count, each once");
+    let of_means = sd / readings.sqrt();
+    // at most as often as not by chance, or too little to matter
+    let chance = 1.0 + 4.0 / (freedom as f64).sqrt();
+    if left < of_means * chance.max(BEYOND_READINGS) {
+        return counted;
+    }
+    format!(
+        "{counted}. Readings of one pose differ by {:.3} mm, and what is left of their means is {:.3} mm (standard deviations): that is not the \
+         gauge. It is how the arm repeats, or something that no known effect is",
+        sd * 1e3,
+        left * 1e3
+    )
 }
 
 /// What to say where an arm as other sessions, or places, say it is not better with what was found.

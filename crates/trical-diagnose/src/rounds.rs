@@ -20,6 +20,7 @@ use trical_ident::identifiability::{Choice, ParameterSet};
 use trical_ident::identify::{Identified, fit_some, identify, manner};
 use trical_ident::known::Known;
 use trical_ident::read_otherwise::read_otherwise;
+use trical_ident::readings::{Scatter, averaged};
 use trical_ident::sample::sample_poses;
 use trical_ident::solver::LmParams;
 use trical_model::interrupt::checkpoint;
@@ -53,6 +54,8 @@ pub(crate) struct Rounds {
     gross: Dataset,
     /// The whole data, where a sample is searched.
     whole: Option<Dataset>,
+    /// How far readings of one pose differ, where it has several: their mean is searched.
+    pub(crate) readings: Option<Scatter>,
     /// Without outliers.
     pub(crate) kept: Dataset,
     /// The fit with everything chosen: terms of the baseline, then those of the chosen candidates.
@@ -71,7 +74,7 @@ pub(crate) struct Rounds {
     held: Vec<usize>,
     /// Such curves that were not chosen so far.
     curves: Vec<Candidate>,
-    /// Such curves that were held and did not pay: they are asked about no more.
+    /// Such curves that were held and did not pay, and what has sizes that are no physics: they are asked about no more.
     let_go: Vec<usize>,
     /// Candidates that are not searched in this round: far from being of use when all were.
     idle: Vec<usize>,
@@ -133,9 +136,10 @@ impl Rounds {
     pub(crate) fn begin(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options) -> Result<Self> {
         refuse_stuck_stems(robot, cell, data)?;
         let fresh = rejection::without_stale(data);
-        let mut all = reject_gross_errors_beyond(robot, cell, &fresh, GROSS_ERROR_SIGMAS)?;
-        let good: BTreeSet<usize> = all.observations.iter().map(|o| o.row).collect();
-        let gross = fresh.filtered(|o| !good.contains(&o.row));
+        let good = reject_gross_errors_beyond(robot, cell, &fresh, GROSS_ERROR_SIGMAS)?;
+        let rows: BTreeSet<usize> = good.observations.iter().map(|o| o.row).collect();
+        let gross = fresh.filtered(|o| !rows.contains(&o.row));
+        let (mut all, readings) = averaged(&good);
         let whole = sample_poses(&all, SEARCHED_POSES, RUN_POSES).map(|some| std::mem::replace(&mut all, some));
         let choice = Choice::from(BASELINE).knowing(options.known.clone());
         let own = own_setup(robot, cell, &all, &choice, options.tool)?;
@@ -164,6 +168,7 @@ impl Rounds {
             all,
             gross,
             whole,
+            readings,
             baseline_terms: fitted.model.terms.len(),
             known,
             params,
@@ -249,6 +254,7 @@ impl Rounds {
                 self.refit()?;
                 break;
             }
+            self.let_go_of_impossible()?;
             self.resize();
             // with the effects out of the way the readings' noise may show
             if self.ask_readings()? | self.fit_reading_noise()? {
@@ -271,6 +277,23 @@ impl Rounds {
         }
         self.idle.clear();
         self.take_likeliest(rounds)
+    }
+
+    /// What the exact fit has at sizes that are no physics, although the linear picture had not: it is asked about no more.
+    fn let_go_of_impossible(&mut self) -> Result<()> {
+        let fitted = &self.fitted.model.terms[self.baseline_terms..];
+        let value = |t: &Term| fitted.iter().find(|m| m.does_as(t)).map_or(0.0, |m| m.value);
+        let is_physics = |c: &usize| {
+            let own = &self.candidates[*c];
+            own.physical.allows(&own.terms.iter().map(value).collect::<Vec<_>>())
+        };
+        let (stay, go): (Vec<usize>, Vec<usize>) = self.chosen.iter().partition(|c| is_physics(c));
+        if go.is_empty() {
+            return Ok(());
+        }
+        self.chosen = stay;
+        self.let_go.extend(go);
+        self.refit()
     }
 
     /// Goes back to the likeliest of some rounds, of those that kept the same rows as the last one.

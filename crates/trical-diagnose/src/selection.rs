@@ -110,7 +110,8 @@ impl<'a> Search<'a> {
         let sizes: Vec<f64> = c.iter().zip(&own.scales).map(|(v, scale)| v / scale).collect();
         let largest = sizes.iter().map(|v| v.abs()).fold(0.0, f64::max);
         // a coefficient of the wrong sign counts only if it is not a small part of the whole
-        own.signs.iter().zip(&sizes).all(|(s, v)| *s == 0 || f64::from(*s) * v >= -0.2 * largest) && (own.physical)(&c)
+        own.signs.iter().zip(&sizes).all(|(s, v)| *s == 0 || f64::from(*s) * v >= -0.2 * largest)
+            && own.physical.allows(&c)
     }
 
     /// All candidates at a state, best first; those with forbidden signs left out.

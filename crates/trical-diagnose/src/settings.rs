@@ -219,6 +219,9 @@ pub const SETTLED_AMONG_FEW: f64 = 0.01;
 /// How often effects and the correlation of the noise are chosen in turn.
 pub const NOISE_ALTERNATIONS: usize = 4;
 
+/// What is left of the means of readings of one pose is told where it is larger than these by so much: less is no matter of the arm.
+pub const BEYOND_READINGS: f64 = 1.5;
+
 /// So many rejected rows that one number explains are no outliers.
 pub const ROWS_ALIKE: usize = 3;
 

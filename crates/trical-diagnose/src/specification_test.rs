@@ -5,7 +5,7 @@
 use trical_ident::dataset::Dataset;
 use trical_model::{Axis, Basis, Model, Motion, Place, Shape, Site, Term, Variable};
 
-use crate::candidate::{Candidate, anything};
+use crate::candidate::{Candidate, Physical};
 use crate::covariates::{is_order, name, order_of, value};
 use crate::effect_id::{Cause, UNEXPLAINED};
 use crate::linear::{Design, RegressionState};
@@ -112,7 +112,7 @@ impl SpecificationTest<'_> {
         places.into_iter().map(corrected).collect()
     }
 
-    /// The probe of a place that says most at the price of its numbers (BIC), if any says anything, and by how many nats.
+    /// The probe of a place that says most at the price of its numbers (BIC), if any says Physical, and by how many nats.
     #[must_use]
     pub fn best_probe(&self, state: &RegressionState, site: Place) -> Option<(LackOfFit, f64)> {
         let says = |(dss, rank): (f64, usize)| bic_nats(self.freedom(state), state.ss, state.ss - dss, rank as f64);
@@ -284,7 +284,7 @@ fn probe(site: Place, variable: String, terms: Vec<Term>) -> Candidate {
         site,
         behaviour: variable,
         signs: vec![0; terms.len()],
-        physical: anything,
+        physical: Physical::default(),
         scales: vec![1.0; terms.len()],
         terms,
         typical: 0.0,

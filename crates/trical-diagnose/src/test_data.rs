@@ -8,7 +8,7 @@ use trical_model::{
     Basis, Cell, Forward, Measured, Model, Place, Recording, Robot, Row, Shape, Site, State, Term, Variable,
 };
 
-use crate::candidate::{Candidate, anything};
+use crate::candidate::{Candidate, Physical};
 use crate::effect_id::Cause;
 
 #[path = "../../trical-ident/tests/common/arm.rs"]
@@ -98,7 +98,7 @@ pub(crate) fn off(cause: Cause, joint: usize, shape: Shape) -> Candidate {
         behaviour: format!("joint {joint} is off"),
         terms: vec![Term::new("t", cause.name(), Site::Joint { joint }, basis)],
         signs: vec![0],
-        physical: anything,
+        physical: Physical::default(),
         typical: 1e-4,
         scales: vec![1e-3],
         log_prior: 0.0,

@@ -3,7 +3,7 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use trical_diagnose::candidate::{Candidate, anything};
+use trical_diagnose::candidate::{Candidate, Physical};
 use trical_diagnose::catalogue::catalogue;
 use trical_diagnose::covariates::Covariates;
 use trical_diagnose::linear::Design;
@@ -55,7 +55,7 @@ fn candidate(shape: Shape, scale: f64) -> Candidate {
         behaviour: String::new(),
         terms: vec![Term::new("made", "made", Site::Joint { joint: 2 }, basis)],
         signs: vec![0],
-        physical: anything,
+        physical: Physical::default(),
         typical: scale,
         scales: vec![scale],
         log_prior: 0.0,

@@ -548,13 +548,7 @@ pub fn independent_terms(nominal: &Model, data: &Dataset, choice: &Choice) -> Re
         return independent_of(nominal, data, all, &resting);
     }
     let (free, _) = independent_of(nominal, data, all.clone(), &[])?;
-    let gives_way_at_rest = |t: &Term| {
-        let rests = |joint: usize| resting.iter().any(|(k, _)| k + 1 == joint) && choice.compliant.is_none();
-        t.effect == "compliance" && matches!(t.site, Site::Joint { joint } if rests(joint))
-    };
-    let (held, moving): (Vec<Term>, Vec<Term>) = all.into_iter().partition(gives_way_at_rest);
-    let (kept, mut dependent) = independent_of(nominal, data, moving, &resting)?;
-    dependent.extend(held.into_iter().map(|t| Dependent { name: t.name, with: Vec::new(), held: true }));
+    let (kept, mut dependent) = independent_of(nominal, data, all, &resting)?;
     for d in &mut dependent {
         d.held = free.iter().any(|t| t.name == d.name);
     }

@@ -48,6 +48,7 @@ mod normal;
 mod optional;
 pub mod predicted;
 pub mod read_otherwise;
+pub mod readings;
 pub mod repeatability;
 pub mod repeated;
 pub mod rigid;

@@ -3,7 +3,7 @@
 use trical_model::{Axis, Basis, Parameter, Place, Scope, Shape, Site, Variable};
 
 use super::effect::{Asked, Effect, Family, Pivot, Remedy, Size, deg, turning};
-use crate::candidate::Candidate;
+use crate::candidate::{Candidate, Physical};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 
@@ -55,7 +55,7 @@ fn wobble(joint: usize, k: u8, pivot: Pivot) -> Candidate {
         parts,
     );
     if k == 1 {
-        candidate.physical = is_no_twist;
+        candidate.physical = Physical::when(is_no_twist);
     }
     candidate
 }

@@ -3,7 +3,7 @@
 use serde::Serialize;
 use trical_model::{Axis, Basis, JointKind, Motion, Place, Scope, Site, Term};
 
-use crate::candidate::{Candidate, anything};
+use crate::candidate::{Candidate, Physical};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 
@@ -162,7 +162,7 @@ impl Effect {
             behaviour,
             terms,
             signs,
-            physical: anything,
+            physical: Physical::default(),
             typical,
             scales,
             log_prior: 0.0,

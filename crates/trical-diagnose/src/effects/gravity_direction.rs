@@ -3,6 +3,7 @@
 use trical_model::{Axis, Basis, Place, Scope, Site};
 
 use super::effect::{Asked, Effect, Family, NO_MASSES, Remedy, Size, deg};
+use crate::candidate::Physical;
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 
@@ -30,7 +31,7 @@ fn ask(r: &Covariates<'_>) -> Asked {
     if !r.masses {
         return Asked::lacking(NO_MASSES);
     }
-    vec![EFFECT.candidate(
+    let mut candidate = EFFECT.candidate(
         Place::Base,
         "gravity is not along the cell's -z".into(),
         Size { typical: G * deg(1.0), large: G * deg(2.0) },
@@ -38,6 +39,24 @@ fn ask(r: &Covariates<'_>) -> Asked {
             ("gravity_x".into(), Site::Gravity(Axis::X), Basis::CONSTANT, 0),
             ("gravity_y".into(), Site::Gravity(Axis::Y), Basis::CONSTANT, 0),
         ],
-    )]
-    .into()
+    );
+    candidate.physical = Physical::when(is_of_a_base);
+    vec![candidate].into()
+}
+
+/// A base is a little off level, or stands on a wall of which the cell file says nothing: none leans as a roof does. What pulls the arm aside does so.
+fn is_of_a_base(gravity: &[f64]) -> bool {
+    let lean = gravity.iter().fold(0.0_f64, |sum, g| sum.hypot(*g)) / G;
+    !(deg(5.0)..0.5).contains(&lean)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_base_leans_by_a_few_degrees_or_hangs_on_a_wall() {
+        let leans = |degrees: f64| is_of_a_base(&[G * deg(degrees).sin(), 0.0]);
+        assert!(leans(2.0) && leans(-4.0) && leans(90.0) && !leans(11.0) && !leans(-20.0));
+    }
 }

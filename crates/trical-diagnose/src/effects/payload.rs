@@ -3,6 +3,7 @@
 use trical_model::{Axis, Basis, Payload, Place, Scope, Site};
 
 use super::effect::{Asked, Effect, Family, NO_MASSES, Part, Remedy};
+use crate::candidate::Physical;
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 
@@ -33,13 +34,31 @@ fn ask(r: &Covariates<'_>) -> Asked {
             .iter()
             .map(|a| (format!("payload_moment_{}", a.name()), Site::Payload(Payload::Moment(*a)), Basis::CONSTANT, 0)),
     );
-    vec![EFFECT.candidate_of_scales(
+    let mut candidate = EFFECT.candidate_of_scales(
         Place::Tool,
         "the load on the flange differs from that in cell.toml".into(),
         0.03,
         // kg; kg m
         vec![0.5 * r.strength(), 0.05 * r.strength(), 0.05 * r.strength(), 0.05 * r.strength()],
         parts,
-    )]
-    .into()
+    );
+    // no tool weighs less than nothing
+    let tool = r.model.cell.tool.mass;
+    candidate.physical = Physical::when(move |c| c.first().is_none_or(|mass| *mass >= -tool));
+    vec![candidate].into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_data::with_joint_2;
+
+    #[test]
+    fn a_flange_that_would_pull_upward_is_no_load() {
+        let (truth, data) = with_joint_2(&[]);
+        let asked = ask(&Covariates::new(&truth, &data, 1e-5)).candidates;
+        let tool = truth.cell.tool.mass;
+        let allows = |mass: f64| asked[0].physical.allows(&[mass, 0.0, 0.0, 0.0]);
+        assert!(tool > 0.0 && allows(2.0) && allows(-0.9 * tool) && !allows(-1.1 * tool));
+    }
 }

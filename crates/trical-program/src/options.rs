@@ -13,7 +13,7 @@ pub struct Options {
     pub frame: Option<String>,
     /// Temperature at which the program runs, degC.
     pub temp_c: Option<f64>,
-    /// Time at which it runs, s since the recording began; not given, it is long after, but for models that drift without an end.
+    /// Time at which it runs, s since the recording began; not given, what happened in the course of a session is left out.
     pub time_s: Option<f64>,
     /// When the program runs, in poses, for models of recordings without times.
     pub seq: Option<f64>,

@@ -8,10 +8,12 @@ use std::time::Duration;
 
 use trical_model::interrupt::checkpoint;
 use trical_model::pose::rotation_vector;
-use trical_model::{Cell, Model, Pose, Term, Variable};
+use trical_model::{Cell, Model, Pose, Scope, Term, Variable};
 
 use crate::branch::Configuration;
-use crate::compensation::{Compensator, Done, MOST_RELATIVE, Shifted, Start, by_measured_torque, settle_unnamed};
+use crate::compensation::{
+    Compensator, Done, MOST_RELATIVE, Shifted, Start, by_measured_torque, moves_tool, settle_unnamed,
+};
 use crate::dialects::{Dialect, MARK};
 use crate::elsewhere::{Elsewhere, Nowhere};
 use crate::error::ProgramError;
@@ -98,6 +100,7 @@ pub fn compensate(
     report.cautions.extend(configuration_unsaid(&scan));
     report.cautions.extend(other_cell(nominal, model, options));
     report.cautions.extend(without_torques(model));
+    report.cautions.extend(as_it_began(model, options));
     Ok(report)
 }
 
@@ -294,6 +297,22 @@ fn without_torques(model: &Model) -> Option<String> {
         format!(
             "the model knows how far joints deflect under measured torques ({}), which a program does not have: how far they deflect is not corrected",
             left_out.join(", ")
+        )
+    })
+}
+
+/// What happened in the course of a session and is left out, since nobody said when the program runs.
+fn as_it_began(model: &Model, options: &Options) -> Option<String> {
+    let of_course = |t: &&Term| t.scope() == Scope::Course && t.basis.session.is_some() && moves_tool(t);
+    let mut effects: Vec<&str> = model.terms.iter().filter(of_course).map(|t| t.effect.as_str()).collect();
+    effects.dedup();
+    let timed = model.terms.iter().filter(of_course).any(|t| t.basis.of == Variable::Time);
+    let (option, last) = if timed { ("--time-s", "1e9") } else { ("--seq", "1e9") };
+    (!effects.is_empty() && options.time_s.or(options.seq).is_none()).then(|| {
+        format!(
+            "what happened in the course of a recording ({}) is left out: the program is corrected for the arm as it was when that began. \
+             If the arm has stayed as it was at the end (a lost zero, a tool that slipped, a machine that is warm), {option} {last} corrects for that",
+            effects.join(", ")
         )
     })
 }

@@ -47,8 +47,8 @@ pub struct Args {
     /// Temperature at which the program runs, degC, for a model with thermal effects
     #[arg(long, value_name = "T", allow_hyphen_values = true)]
     temp_c: Option<f64>,
-    /// When the program runs, s since the recording began, for a model that drifts; without it, steps and warming up
-    /// count as complete, and what happened in one of several sessions is left out
+    /// When the program runs, s since the recording began; without it, what happened in the course of a session (steps,
+    /// drifts, warming up) is left out, and that is said
     #[arg(long, value_name = "T")]
     time_s: Option<f64>,
     /// The same for a model of a recording without times: after how many of its poses (seq)

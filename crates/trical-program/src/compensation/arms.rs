@@ -68,7 +68,7 @@ pub(crate) fn by_measured_torque(term: &Term) -> bool {
 }
 
 /// Whether a term can move the tool in {w}.
-fn moves_tool(term: &Term) -> bool {
+pub(crate) fn moves_tool(term: &Term) -> bool {
     !matches!(
         term.site,
         Site::Target { .. }

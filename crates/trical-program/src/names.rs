@@ -6,8 +6,8 @@ use std::collections::{HashMap, HashSet};
 use nalgebra::Vector3;
 
 use crate::reaching::{Definition, Definitions, Part};
-use crate::scan::{Fork, OWN_SETUP, Scan, Visit};
-use crate::text::Cursor;
+use crate::scan::{Fork, OWN_SETUP, Scan, Visit, hashed};
+use crate::text::{Cursor, is_one_of};
 
 /// How a motion names its place.
 #[derive(Clone, Copy, Debug)]
@@ -66,9 +66,14 @@ pub struct Names {
     defined: HashMap<u64, u32>,
     groups: Vec<Group>,
     uses: Vec<Use>,
-    origins: HashMap<u64, Vec<Origin>>,
+    /// What names are set from, and whether where that stands is known ([`Self::set_here`]).
+    origins: HashMap<u64, Vec<(Origin, bool)>>,
     /// Names with others that they are set from.
-    copies: HashSet<(u64, u64)>,
+    copies: HashSet<(u64, u64, bool)>,
+    /// What the definitions without numbers of their own are set from.
+    set_here: HashMap<u32, Origin>,
+    /// Names that have such definitions.
+    moved_on: HashSet<u64>,
     /// Names whose calculations were listed.
     settled: HashSet<u64>,
     /// Names whose sources were followed, by the setups of the motions that go there.
@@ -91,6 +96,16 @@ pub struct Names {
     routines: HashMap<u64, Routine>,
     /// Groups to which motions go by the names of what is set from them.
     by_another_name: Vec<u32>,
+    /// Targets that something uses.
+    in_use: Vec<bool>,
+    /// Names to which motions go.
+    gone_to: HashSet<u64>,
+    /// Names that statements use.
+    read: HashSet<u64>,
+    /// Whether the file has no motion of its own.
+    only_data: bool,
+    /// What begins comments, in a language in which [`Self::read`] is seen from the names in the text.
+    comment: Option<u8>,
     /// Whether other motions come between those to the elements of an array.
     apart: bool,
 }
@@ -102,7 +117,7 @@ struct Routine {
     calls: HashSet<u64>,
 }
 
-/// A definition: targets that the text gives together.
+/// A definition: targets that the text gives together; none where it sets the name from something else.
 #[derive(Clone, Copy, Debug)]
 struct Group {
     definition: Definition,
@@ -122,6 +137,12 @@ enum Use {
 }
 
 impl Names {
+    /// None yet, in a language whose comments this begins: which names its statements use is seen from the text.
+    #[must_use]
+    pub fn in_text(comment: u8) -> Self {
+        Self { comment: Some(comment), ..Self::default() }
+    }
+
     /// Targets `first..end` have this name (several: an array).
     pub fn define(&mut self, name: u64, first: usize, end: usize) {
         self.define_part(name, Part::Whole, first, end);
@@ -143,10 +164,54 @@ impl Names {
         });
     }
 
+    /// All of the file is read: what is told from here on, other files do. Of one without motions nobody knows what uses its targets.
+    pub fn end_of_file(&mut self) {
+        let is_motion = |u: &Use| match u {
+            Use::Named { way, .. } => !matches!(way, Way::Said),
+            Use::Direct(visit) => !matches!(visit, Visit::Fork(_) | Visit::Like(_)),
+            Use::Called { .. } => false,
+        };
+        self.only_data = !self.uses.iter().any(is_motion);
+    }
+
     /// Whether targets of the file have this name.
     #[must_use]
     pub fn defines(&self, name: u64) -> bool {
         self.defined.contains_key(&name)
+    }
+
+    /// The program sets the data of this name, or a part of them, here: motions that come from here meet what this gives, and not what was
+    /// there before.
+    pub fn set_here(&mut self, name: u64, part: Part, origin: Origin) {
+        // what is shifted against itself is still there
+        let is_new = !matches!(origin, Origin::Name { name: from, .. } if from == name);
+        if is_new {
+            self.set_here.insert(self.groups.len() as u32, origin);
+            self.moved_on.insert(name);
+            let definition =
+                Definition { name, part, within: self.within.last().copied(), above: self.uses.len() as u32 };
+            self.groups.push(Group { definition, first: 0, count: 0, earlier: None, used: None });
+        }
+        self.keep_origin(name, origin, is_new);
+    }
+
+    /// A statement uses the data of this name.
+    pub fn read(&mut self, name: u64) {
+        self.read.insert(name);
+    }
+
+    /// Whether a statement does, as far as is told.
+    #[must_use]
+    pub fn is_read(&self, name: u64) -> bool {
+        self.read.contains(&name)
+    }
+
+    fn use_targets(&mut self, targets: std::ops::Range<u32>) {
+        let end = targets.end as usize;
+        if self.in_use.len() < end {
+            self.in_use.resize(end, false);
+        }
+        self.in_use.get_mut(targets.start as usize..end).into_iter().flatten().for_each(|used| *used = true);
     }
 
     /// A motion to a named target; the name stands at `at`.
@@ -157,24 +222,35 @@ impl Names {
         self.uses.push(Use::Named { name, setup, way, at: at as u32 });
     }
 
-    /// The program sets the data of this name.
+    /// The program sets the data of this name somewhere: any motion may meet that.
     pub fn set_from(&mut self, name: u64, origin: Origin) {
+        self.keep_origin(name, origin, false);
+    }
+
+    fn keep_origin(&mut self, name: u64, origin: Origin, is_here: bool) {
         let all = self.origins.entry(name).or_default();
         let is_new = match origin {
-            Origin::Name { name: from, .. } => self.copies.insert((name, from)),
+            Origin::Name { name: from, .. } => self.copies.insert((name, from, is_here)),
             _ => true,
         };
         match (all.len().cmp(&MOST_ORIGINS), origin) {
-            (Ordering::Less, _) if is_new => all.push(origin),
-            (Ordering::Equal, Origin::Name { at, .. }) if is_new => all.push(Origin::Computed(at)),
+            (Ordering::Less, _) if is_new => all.push((origin, is_here)),
+            (Ordering::Equal, Origin::Name { at, .. }) if is_new => all.push((Origin::Computed(at), is_here)),
             _ => {}
         }
+    }
+
+    /// What a name is set from before a motion that meets these definitions; `None` is any.
+    fn origins_met(&self, name: u64, met: Option<&[u32]>) -> Vec<Origin> {
+        let all = self.origins.get(&name).into_iter().flatten();
+        let any = all.filter(|(_, is_here)| met.is_none() || !is_here).map(|(origin, _)| *origin);
+        any.chain(met.into_iter().flatten().filter_map(|k| self.set_here.get(k).copied())).collect()
     }
 
     /// Where the program sets or changes the data of this name, if it does.
     #[must_use]
     pub fn set_at(&self, name: u64) -> Option<usize> {
-        let set = self.origins.get(&name).into_iter().flatten().find_map(|o| match o {
+        let set = self.origins.get(&name).into_iter().flatten().find_map(|(o, _)| match o {
             Origin::Name { at, .. } | Origin::Computed(at) | Origin::Around(at) | Origin::Perhaps(at) => Some(*at),
             Origin::Here => None,
         });
@@ -206,8 +282,9 @@ impl Names {
         match group.and_then(|g| self.groups.get_mut(g as usize)) {
             Some(g) => {
                 g.used = g.used.or(Some(OWN_SETUP));
-                let visit = if relative { Visit::Unknown } else { Visit::To(g.first) };
-                self.visit(visit);
+                let first = g.first;
+                self.use_targets(first..first + 1);
+                self.visit(if relative { Visit::Unknown } else { Visit::To(first) });
             }
             None => self.used(name, OWN_SETUP, Way::To, at),
         }
@@ -352,41 +429,103 @@ impl Names {
                 c.at = at as usize;
                 elsewhere(c.word())
             };
-            if !self.defines(name) {
+            let is_said = matches!(way, Way::Said);
+            let met = if is_said { None } else { definitions.met(name, way.element()) };
+            let origins = met.as_ref().map(|met| self.origins_met(name, Some(met)));
+            let has_numbers = match &met {
+                Some(met) => met.iter().any(|k| !self.set_here.contains_key(k)),
+                None => self.defines(name),
+            };
+            if is_motion {
+                self.gone_to.insert(name);
+            }
+            if !has_numbers {
                 scan.visits.extend(is_motion.then_some(Visit::Unknown));
-                if is_motion {
-                    self.goes_to_undefined(name, setup, at, scan, &problem);
+                match origins {
+                    Some(origins) if is_motion && self.defines(name) => {
+                        self.list_computed(&origins, scan);
+                        self.follow_sources(name, &origins, setup, scan, &mut Vec::new());
+                    }
+                    origins if is_motion => self.goes_to_undefined(name, setup, at, origins, scan, &problem),
+                    _ => {}
                 }
                 continue;
             }
-            let met = definitions.met(name, way.element());
             let is_given = self.visit_any(name, met, setup, way, at, scan);
             if !is_given && is_motion && !self.origins.contains_key(&name) {
                 scan.problem(at as usize, problem());
             }
             if is_motion {
-                self.computed(name, scan);
-                self.sources(name, setup, scan, &mut Vec::new());
+                match origins {
+                    Some(origins) => {
+                        self.list_computed(&origins, scan);
+                        self.follow_sources(name, &origins, setup, scan, &mut Vec::new());
+                    }
+                    None => {
+                        self.computed(name, scan);
+                        self.sources(name, setup, scan, &mut Vec::new());
+                    }
+                }
                 scan.relative.extend(self.changed.remove(&name).into_iter().flatten());
                 scan.relative.extend(matches!(way, Way::Computed).then_some(at));
             }
         }
-        self.use_earlier(scan);
         self.approached_from_anywhere(scan);
         let groups = |name: &u64| self.all(*name).filter_map(|k| self.groups.get(k as usize));
         let unused = self.no_targets.iter().filter(|name| groups(name).all(|g| g.used.is_none()));
-        let gone: HashSet<u32> = unused.flat_map(groups).flat_map(|g| g.first..g.first + g.count).collect();
+        let mut gone: HashSet<u32> = unused.flat_map(groups).flat_map(|g| g.first..g.first + g.count).collect();
+        for spot in self.not_in_use(scan, bytes) {
+            if let Some(target) = scan.spots.get(spot as usize).filter(|_| gone.insert(spot)) {
+                scan.unused.push((scan.at(target), target.name));
+            }
+        }
         scan.remove(&gone);
     }
 
-    /// A motion to a name that this file does not define.
-    fn goes_to_undefined(&mut self, name: u64, setup: u32, at: u32, scan: &mut Scan, problem: &dyn Fn() -> String) {
-        let listed = scan.problems.len();
-        let found = match self.followed.get(&(name, setup)) {
-            Some(found) => *found,
-            None => self.origin(name, setup, scan, &mut Vec::new()),
+    /// Targets whose numbers nothing in the files uses, or only before they are set anew; none where nothing in the files goes to
+    /// any target.
+    fn not_in_use(&self, scan: &Scan, bytes: &[u8]) -> Vec<u32> {
+        let goes = scan.visits.iter().any(|v| matches!(v, Visit::To(_) | Visit::Near { .. }));
+        if self.only_data || !goes && !self.in_use.contains(&true) {
+            return Vec::new();
+        }
+        let is_idle = |spot: &u32| self.in_use.get(*spot as usize) != Some(&true);
+        let text = |spot: &u32| scan.spots.get(*spot as usize).map_or(&[][..], |s| s.name.text(bytes));
+        let named = |g: &Group| -> Vec<(u64, u32)> {
+            let idle = (g.first..g.first + g.count).filter(is_idle).filter(|spot| !text(spot).is_empty());
+            idle.map(|spot| (g.definition.name, spot)).collect()
         };
-        self.followed.insert((name, setup), found);
+        let mut idle: Vec<(u64, u32)> = self.groups.iter().flat_map(named).collect();
+        let in_text: HashSet<u64> = idle.iter().map(|(_, spot)| hashed(text(spot))).collect();
+        let read = match self.comment {
+            Some(comment) if !idle.is_empty() => names_read(bytes, comment, &in_text),
+            _ => HashSet::new(),
+        };
+        let is_read = |name: &u64, spot: &u32| self.read.contains(name) || read.contains(&hashed(text(spot)));
+        idle.retain(|(name, spot)| self.gone_to.contains(name) || !is_read(name, spot));
+        idle.into_iter().map(|(_, spot)| spot).collect()
+    }
+
+    /// A motion to a name that this file does not define, or that has no numbers there, but is set from these.
+    fn goes_to_undefined(
+        &mut self,
+        name: u64,
+        setup: u32,
+        at: u32,
+        origins: Option<Vec<Origin>>,
+        scan: &mut Scan,
+        problem: &dyn Fn() -> String,
+    ) {
+        let listed = scan.problems.len();
+        let found = match (origins, self.followed.get(&(name, setup))) {
+            (Some(origins), _) => self.follow(name, &origins, setup, scan, &mut Vec::new()),
+            (None, Some(found)) => *found,
+            (None, None) => {
+                let found = self.origin(name, setup, scan, &mut Vec::new());
+                self.followed.insert((name, setup), found);
+                found
+            }
+        };
         if found != Some(true) {
             scan.problem(at as usize, problem());
         } else if scan.problems.len() == listed && !self.listed.contains(&name) {
@@ -397,7 +536,9 @@ impl Names {
     /// The definitions of names that have several, and what reaches which.
     fn definitions(&self) -> Definitions {
         let is_one_of_several = |(k, g): &(u32, &Group)| {
-            g.earlier.is_some() || self.defined.get(&g.definition.name).is_some_and(|newest| newest != k)
+            let name = &g.definition.name;
+            let is_earlier = || self.defined.get(name).is_some_and(|newest| newest != k);
+            g.earlier.is_some() || self.moved_on.contains(name) || is_earlier()
         };
         let several = (0..).zip(&self.groups).filter(is_one_of_several).map(|(k, g)| (k, g.definition)).collect();
         let forks = self.uses.iter().enumerate().filter_map(|(index, u)| match u {
@@ -411,18 +552,6 @@ impl Names {
     /// All definitions of a name, the newest first.
     fn all(&self, name: u64) -> impl Iterator<Item = u32> {
         std::iter::successors(self.defined.get(&name).copied(), |k| self.groups.get(*k as usize)?.earlier)
-    }
-
-    /// What no motion meets, since it is defined anew before, has the setup of that.
-    fn use_earlier(&mut self, scan: &mut Scan) {
-        for k in (0..self.groups.len()).rev() {
-            let Some(Group { used: Some(setup), earlier: Some(earlier), .. }) = self.groups.get(k).copied() else {
-                continue;
-            };
-            let Some(g) = self.groups.get_mut(earlier as usize).filter(|g| g.used.is_none()) else { continue };
-            g.used = Some(setup);
-            (g.first..g.first + g.count).for_each(|spot| scan.assign(spot, setup));
-        }
     }
 
     /// Visits, after all others, of targets to which motions go by other names only.
@@ -457,15 +586,26 @@ impl Names {
             self.sources(name, setup, scan, seen);
             return Some(true);
         }
-        self.computed(name, scan);
-        let from = self.origins.get(&name).cloned().unwrap_or_default();
+        self.follow(name, &self.origins_met(name, None), setup, scan, seen)
+    }
+
+    /// The same, from these on.
+    fn follow(
+        &mut self,
+        name: u64,
+        from: &[Origin],
+        setup: u32,
+        scan: &mut Scan,
+        seen: &mut Vec<(u64, bool)>,
+    ) -> Option<bool> {
+        self.list_computed(from, scan);
         if from.is_empty() || seen.len() > MOST_NAMES {
             return Some(false);
         }
         let own = seen.len();
         seen.push((name, false));
         let mut known = None;
-        for origin in &from {
+        for origin in from {
             let Origin::Name { name: other, .. } = origin else {
                 known = Some(true);
                 continue;
@@ -487,13 +627,17 @@ impl Names {
 
     /// Lists, once, where a target that has numbers is set from what has none; what is set from itself is relative to it.
     fn sources(&mut self, name: u64, setup: u32, scan: &mut Scan, seen: &mut Vec<(u64, bool)>) {
-        if !self.followed_on.insert((name, setup)) {
-            return;
+        if self.followed_on.insert((name, setup)) {
+            self.follow_sources(name, &self.origins_met(name, None), setup, scan, seen);
         }
+    }
+
+    /// The same, of these.
+    fn follow_sources(&mut self, name: u64, from: &[Origin], setup: u32, scan: &mut Scan, seen: &mut Vec<(u64, bool)>) {
         let before = seen.len();
         seen.push((name, true));
-        for origin in self.origins.get(&name).cloned().unwrap_or_default() {
-            let Origin::Name { name: other, at } = origin else { continue };
+        for origin in from {
+            let Origin::Name { name: other, at } = *origin else { continue };
             let is_known = other == name || self.origin(other, setup, scan, seen) == Some(true);
             if !self.listed_at.insert(at) {
                 continue;
@@ -510,10 +654,13 @@ impl Names {
 
     /// Lists, once, where a name to which the arm moves is calculated.
     fn computed(&mut self, name: u64, scan: &mut Scan) {
-        if !self.settled.insert(name) {
-            return;
+        if self.settled.insert(name) {
+            self.list_computed(&self.origins_met(name, None), scan);
         }
-        for origin in self.origins.get(&name).into_iter().flatten() {
+    }
+
+    fn list_computed(&mut self, from: &[Origin], scan: &mut Scan) {
+        for origin in from {
             let (at, what) = match origin {
                 Origin::Computed(at) => {
                     (at, "a place to which the arm moves is calculated here while the program runs")
@@ -572,6 +719,10 @@ impl Names {
 
     fn visit_group(&mut self, group: u32, setup: u32, way: Way, at: u32, scan: &mut Scan) {
         let Some(g) = self.groups.get_mut(group as usize) else { return };
+        if g.count == 0 {
+            scan.visits.extend((!matches!(way, Way::Said)).then_some(Visit::Unknown));
+            return;
+        }
         let all = g.first..g.first + g.count;
         let fresh = g.used.is_none();
         let one = match way {
@@ -586,6 +737,9 @@ impl Names {
             None => all.clone().for_each(|spot| scan.assign(spot, setup)),
         }
         g.used = Some(setup);
+        if !matches!(way, Way::Said) {
+            self.use_targets(one.map_or(all.clone(), |spot| spot..spot + 1));
+        }
         match (way, one) {
             (Way::Said, _) => {}
             (Way::Near(shift, in_tool), Some(spot)) => scan.visits.push(Visit::Near { spot, shift, in_tool, at }),
@@ -604,4 +758,38 @@ impl Names {
             _ => scan.visits.push(Visit::Unknown),
         }
     }
+}
+
+/// Kinds of targets, before a name that is declared.
+const KINDS: [&[u8]; 7] = [b"robtarget", b"jointtarget", b"e6pos", b"pos", b"frame", b"e6axis", b"axis"];
+
+/// Which of these names (hashed without regard to case) stand in a text otherwise than where they are declared, or something is assigned to
+/// them.
+fn names_read(bytes: &[u8], comment: u8, names: &HashSet<u64>) -> HashSet<u64> {
+    let mut c = Cursor::new(bytes, comment);
+    let mut read = HashSet::new();
+    let mut before: &[u8] = b"";
+    while let Some((_, word)) = c.next_word() {
+        let name = hashed(word);
+        let is_declared = is_one_of(std::mem::replace(&mut before, word), &KINDS);
+        if is_declared || !names.contains(&name) {
+            continue;
+        }
+        let mut behind = c;
+        behind.skip_space();
+        let close = match behind.peek() {
+            b'{' => b'}',
+            b'[' => b']',
+            _ => 0,
+        };
+        if close != 0 {
+            behind.skip_past(close, b"\n");
+            behind.skip_space();
+        }
+        behind.at += usize::from(behind.peek() == b':');
+        if !behind.assigns() {
+            read.insert(name);
+        }
+    }
+    read
 }

@@ -17,6 +17,8 @@ pub(super) struct Reader<'a> {
     pub(super) constants: Constants,
     /// Name of the data that is being read.
     pub(super) name: Span,
+    /// Whether some of these data are placeholders, without any orientation.
+    pub(super) placeholders: bool,
     /// Elements of the list that is being read.
     pub(super) elements: Vec<Element>,
     /// Conditions of an `IF` without `THEN` behind which the instruction stands that is being read.
@@ -33,6 +35,8 @@ pub(super) struct Reader<'a> {
     pub(super) arrays: HashSet<u64>,
     /// Arrays of what is no target.
     pub(super) tables: HashSet<u64>,
+    /// Positions, orientations, configurations and external axes of the module that nothing changes.
+    pub(super) parts: HashMap<u64, Piece>,
     pub(super) elsewhere: &'a dyn Elsewhere,
     /// What is given to routines that may change it.
     pub(super) lent: Vec<Lent>,
@@ -62,6 +66,15 @@ pub(super) struct Piece {
     pub(super) spans: [Span; 6],
     /// What has no value in it and is no part of a target in it.
     pub(super) unread: Option<Span>,
+    /// The name that stands in its place, where it is data of the module.
+    pub(super) name: Option<Span>,
+}
+
+impl Piece {
+    /// Its numbers.
+    pub(super) fn numbers(&self) -> &[Span] {
+        self.spans.get(..self.count).unwrap_or(&[])
+    }
 }
 
 /// An element of a list.
@@ -100,9 +113,10 @@ impl<'a> Reader<'a> {
         Self {
             c: Cursor::new(bytes, b'!'),
             scan: Scan::default(),
-            names: Names::default(),
+            names: Names::in_text(b'!'),
             constants: Constants::with_degrees(),
             name: Span::default(),
+            placeholders: false,
             elements: Vec::new(),
             conditions: 0,
             routines,
@@ -111,6 +125,7 @@ impl<'a> Reader<'a> {
             unset: HashSet::new(),
             arrays: HashSet::new(),
             tables: HashSet::new(),
+            parts: super::rapid_parts::parts(bytes),
             elsewhere,
             lent: Vec::new(),
             changed_elsewhere: HashMap::new(),

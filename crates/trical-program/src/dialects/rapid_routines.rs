@@ -371,7 +371,7 @@ impl Reader<'_> {
     }
 
     /// The place at the cursor, where a name, a target that is written out or one that is shifted stands there.
-    fn place(&mut self) -> Option<Place> {
+    pub(super) fn place(&mut self) -> Option<Place> {
         self.c.skip_space();
         let at = self.c.at;
         if self.c.peek() == b'[' {
@@ -394,10 +394,14 @@ impl Reader<'_> {
 
     /// A name is set from something; other modules are told of it.
     pub(super) fn set_from(&mut self, name: u64, origin: Origin) {
+        self.export_source(name, origin);
+        self.names.set_from(name, origin);
+    }
+
+    pub(super) fn export_source(&mut self, name: u64, origin: Origin) {
         if let (Some(exports), Origin::Name { name: from, .. }) = (&mut self.exports, origin) {
             exports.given.insert((name, from));
         }
-        self.names.set_from(name, origin);
     }
 
     /// What a call gives as this argument.

@@ -94,6 +94,12 @@ pub struct Names {
     within: Vec<u64>,
     /// Routines of this file.
     routines: HashMap<u64, Routine>,
+    /// Those that may run at any time: of traps, interrupts and threads.
+    any_time: HashSet<u64>,
+    /// Whether a handler of errors is being read, behind which a motion above it may be tried again.
+    in_handler: bool,
+    /// Names that handlers set.
+    set_in_handlers: HashSet<u64>,
     /// Groups to which motions go by the names of what is set from them.
     by_another_name: Vec<u32>,
     /// Targets that something uses.
@@ -154,9 +160,9 @@ impl Names {
             return;
         }
         let index = self.groups.len() as u32;
-        let within = self.within.last().copied();
+        let definition = self.definition_here(name, part);
         self.groups.push(Group {
-            definition: Definition { name, part, within, above: self.uses.len() as u32 },
+            definition,
             first: first as u32,
             count: (end - first) as u32,
             earlier: self.defined.insert(name, index),
@@ -188,11 +194,41 @@ impl Names {
         if is_new {
             self.set_here.insert(self.groups.len() as u32, origin);
             self.moved_on.insert(name);
-            let definition =
-                Definition { name, part, within: self.within.last().copied(), above: self.uses.len() as u32 };
+            let definition = self.definition_here(name, part);
             self.groups.push(Group { definition, first: 0, count: 0, earlier: None, used: None });
         }
         self.keep_origin(name, origin, is_new);
+    }
+
+    fn definition_here(&mut self, name: u64, part: Part) -> Definition {
+        if self.in_handler {
+            self.set_in_handlers.insert(name);
+        }
+        Definition { name, part, within: self.within.last().copied(), above: self.uses.len() as u32 }
+    }
+
+    /// This routine may run at any time.
+    pub fn runs_at_any_time(&mut self, routine: u64) {
+        self.any_time.insert(routine);
+    }
+
+    /// Here begins a handler of errors of the routine that is being read.
+    pub fn handler(&mut self) {
+        self.in_handler = true;
+        self.fork(Fork::Anywhere);
+    }
+
+    /// Names that are set where the text does not say when: a motion may meet any of their definitions.
+    fn set_at_any_time(&self) -> HashSet<u64> {
+        let (mut routines, mut next) = (HashSet::new(), self.any_time.iter().copied().collect::<Vec<_>>());
+        while let Some(name) = next.pop() {
+            if routines.insert(name) {
+                next.extend(self.routines.get(&name).into_iter().flat_map(|own| &own.calls));
+            }
+        }
+        let is_there = |d: &&Definition| d.within.is_some_and(|within| routines.contains(&within));
+        let there = self.groups.iter().map(|g| &g.definition).filter(is_there).map(|d| d.name);
+        self.set_in_handlers.iter().copied().chain(there).collect()
     }
 
     /// A statement uses the data of this name.
@@ -312,6 +348,7 @@ impl Names {
     pub fn end(&mut self, fork: Option<Fork>) {
         if fork == Some(Fork::Anywhere) {
             self.within.pop();
+            self.in_handler = false;
         }
         fork.into_iter().for_each(|f| self.fork(f));
     }
@@ -395,7 +432,7 @@ impl Names {
     pub fn resolve(mut self, scan: &mut Scan, bytes: &[u8], elsewhere: &dyn Fn(&[u8]) -> String) {
         let moving = self.moving();
         let alone = self.alone_in_loops(&moving);
-        let mut definitions = self.definitions();
+        let (mut definitions, set_at_any_time) = (self.definitions(), self.set_at_any_time());
         let mut open: Vec<bool> = Vec::new();
         for (index, u) in std::mem::take(&mut self.uses).into_iter().enumerate() {
             definitions.pass(index);
@@ -429,8 +466,8 @@ impl Names {
                 c.at = at as usize;
                 elsewhere(c.word())
             };
-            let is_said = matches!(way, Way::Said);
-            let met = if is_said { None } else { definitions.met(name, way.element()) };
+            let is_any = matches!(way, Way::Said) || set_at_any_time.contains(&name);
+            let met = if is_any { None } else { definitions.met(name, way.element()) };
             let origins = met.as_ref().map(|met| self.origins_met(name, Some(met)));
             let has_numbers = match &met {
                 Some(met) => met.iter().any(|k| !self.set_here.contains_key(k)),

@@ -317,7 +317,9 @@ impl<'a> Reader<'a> {
         } else if is(&[b"RETURN"]) {
             flow.returns(now);
         } else if is(&[b"INTERRUPT"]) {
-            flow.interrupt(before_bracket(c));
+            let routine = before_bracket(c);
+            flow.interrupt(routine);
+            names.runs_at_any_time(routine);
         } else if is(&[b"LOOP", b"WHILE", b"FOR", b"REPEAT"]) {
             flow.repeat(from, now);
             names.fork(Fork::Repeats);

@@ -72,6 +72,7 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
     reader.changed_around();
     reader.changed_where_lent();
     reader.changed_frames();
+    reader.changed_parts();
     let Reader { mut scan, names, .. } = reader;
     names.resolve(&mut scan, bytes, &|name| {
         format!("goes to '{}', which this file does not give as numbers", String::from_utf8_lossy(name))
@@ -150,6 +151,15 @@ impl Reader<'_> {
             }
         }
         self.scan.problems.extend(told);
+    }
+
+    /// Lists parts of targets that routines of other modules change.
+    fn changed_parts(&mut self) {
+        let changed = |name: &String| {
+            let (at, how) = self.changed_elsewhere.get(&hashed(name.as_bytes()))?;
+            Some((*at, format!("'{name}', a part of targets, {how}; they are corrected for where it is declared")))
+        };
+        self.scan.problems.extend(self.used_parts.iter().filter_map(changed).collect::<Vec<_>>());
     }
 
     pub(super) fn note(&mut self, note: impl FnOnce(&mut Effects)) {
@@ -282,13 +292,16 @@ impl Reader<'_> {
             let name = hashed(name);
             self.heads.insert(name, from);
             self.names.routine(name);
+            if is(&[b"trap"]) {
+                self.names.runs_at_any_time(name);
+            }
             self.locals = self.routines.get(&name).into_iter().flatten().map(|p| (p.name, p.scoped)).collect();
         } else if is(&[b"endproc", b"endfunc", b"endtrap"]) {
             self.names.end(Some(Fork::Anywhere));
             self.within.clear();
             self.locals.clear();
         } else if is(&[b"error", b"undo", b"backward", b"callbyvar"]) && begins_line(self.c.bytes, from) {
-            self.names.fork(Fork::Anywhere);
+            self.names.handler();
         } else if is(&[b"for"]) {
             self.names.fork(Fork::Repeats);
             self.c.skip_space();
@@ -578,6 +591,9 @@ impl Reader<'_> {
         let known = self.parts.get(&hashed(name)).filter(|_| matches!(c.peek(), b',' | b']'));
         let (Some(known), Some(to)) = (known, to) else { return false };
         *to = Piece { name: Some(Span::new(self.c.at, end)), ..*known };
+        if !self.used_parts.contains(&lower(name)) {
+            self.used_parts.push(lower(name));
+        }
         self.c.at = end;
         true
     }

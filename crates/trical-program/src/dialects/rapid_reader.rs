@@ -37,6 +37,8 @@ pub(super) struct Reader<'a> {
     pub(super) tables: HashSet<u64>,
     /// Positions, orientations, configurations and external axes of the module that nothing changes.
     pub(super) parts: HashMap<u64, Piece>,
+    /// Those that stand in targets.
+    pub(super) used_parts: Vec<String>,
     pub(super) elsewhere: &'a dyn Elsewhere,
     /// What is given to routines that may change it.
     pub(super) lent: Vec<Lent>,
@@ -126,6 +128,7 @@ impl<'a> Reader<'a> {
             arrays: HashSet::new(),
             tables: HashSet::new(),
             parts: super::rapid_parts::parts(bytes),
+            used_parts: Vec::new(),
             elsewhere,
             lent: Vec::new(),
             changed_elsewhere: HashMap::new(),

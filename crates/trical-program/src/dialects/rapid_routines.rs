@@ -188,7 +188,13 @@ impl Reader<'_> {
                     );
                     self.scan.problem(from, what);
                 }
-                found.sets.iter().for_each(|name| self.names.set_from(*name, Origin::Computed(from as u32)));
+                let how = "is changed by a routine of another module, which is called here";
+                for name in &found.sets {
+                    self.names.set_from(*name, Origin::Computed(from as u32));
+                    if self.parts.contains_key(name) {
+                        self.changed_elsewhere.entry(*name).or_insert((from, how));
+                    }
+                }
             }
             None if first => self.scan.calls.push(Call { name: lower(word), at: from, is_statement: true }),
             None => {}

@@ -229,6 +229,9 @@ impl<'a> Reader<'a> {
                 functions.insert(name);
                 flow.routine(name, now);
                 names.routine(name);
+                if word == b"thread" {
+                    names.runs_at_any_time(name);
+                }
                 self.defaults(name);
                 self.c.skip_line();
             }

@@ -408,6 +408,20 @@ fn points_of_an_absolutely_accurate_robot_are_told_once() {
 }
 
 #[test]
+fn parts_of_targets_that_a_module_beside_changes_are_listed() {
+    let main = "MODULE Main\nPERS confdata conf:=[0,0,0,0];\nPROC main()\nTurn;\nMoveL [[350,50,320],[0,0.6,0.8,0],conf,[9E9,9E9,9E9,9E9,9E9,9E9]],v1,fine,tool0;\nENDPROC\nENDMODULE\n";
+    let other = "MODULE Other\nPROC Turn()\nconf.cf6:=1;\nENDPROC\nENDMODULE\n";
+    let report = checked("part_changed", IRB, &[("Main.mod", main), ("Other.mod", other)]);
+    assert!(
+        report.problems.len() == 1 && report.problems[0].what.contains("'conf', a part of targets, is changed"),
+        "{report:?}"
+    );
+    let report =
+        checked("part", IRB, &[("Main.mod", main), ("Other.mod", "MODULE Other\nPROC Turn()\nENDPROC\nENDMODULE\n")]);
+    assert_eq!((report.rewritten, report.problems.len()), (1, 0), "{report:?}");
+}
+
+#[test]
 fn targets_that_nothing_uses_are_told_in_one_sentence() {
     let main = "MODULE Main\nCONST robtarget p:=TARGET;\nCONST robtarget q:=TARGET;\nPERS robtarget w{2}:=[TARGET,TARGET];\nPROC main()\nMoveL p,v1,fine,tool0;\nENDPROC\nENDMODULE\n";
     let report = checked("unused", IRB, &[("Main.mod", main)]);

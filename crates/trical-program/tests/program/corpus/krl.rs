@@ -16,6 +16,12 @@ pub(super) const KRL: &[Case] = &[
         &[],
     ),
     case(
+        "a point that the routine of an interrupt sets",
+        "DEF A()\nDECL E6POS XP1={@0}\nDECL E6POS T\nINTERRUPT DECL 5 WHEN $IN[1]==TRUE DO FOUND()\nT=XP1\nLIN T\nEND\nDEF FOUND()\nT=SEEN()\nEND\n",
+        &[2],
+        &[(9, "calculated")],
+    ),
+    case(
         "the home of all programs",
         "PTP XHOME\nPTP {@0}\nPTP $H_POS\nPTP XHOME1\nLIN HOMEX\n",
         &[2],

@@ -40,6 +40,12 @@ pub(super) const RAPID: &[Case] = &[
         &[(2, "used with"), (3, "used with")],
     ),
     case(
+        "what traps and handlers of errors set",
+        "CONST robtarget p:=@0;\nCONST robtarget q:=@1;\nVAR robtarget x;\nVAR robtarget y:=@2;\nPROC main()\nx:=p;\nMoveL x,v1,fine,tool0;\ny:=q;\nMoveL y,v1,fine,tool0;\nERROR\ny:=Seen(2);\nRETRY;\nENDPROC\nTRAP tSeen\nTake;\nENDTRAP\nPROC Take()\nx:=Seen(1);\nENDPROC\n",
+        &[1, 2, 4],
+        &[(11, "calculated"), (18, "calculated")],
+    ),
+    case(
         "parts of targets that have names",
         "VAR extjoint ext:=[9E9,9E9,9E9,9E9,9E9,9E9];\nVAR confdata conf:=@C0;\nCONST orient turned:=[@R0];\nCONST pos there:=[@X1,@Y1,@Z1];\nCONST orient other:=[@R1];\nCONST robtarget p:=[[@X0,@Y0,@Z0],turned,conf,ext];\nMoveAbsJ [[10,20,10,5,60,-7],ext],v1,fine,tool0;\nMoveL [[@X0,@Y0,@Z0],[@R0],conf,ext],v1,fine,tool0;\nMoveL [there,other,@C1,ext],v1,fine,tool0;\nMoveL [[@X0,@Y0,@Z0],turned,conf,ext],v1,fine,tool0;\nMoveL p,v1,fine,tool0;\n",
         &[6, 7, 8, 9, 10],

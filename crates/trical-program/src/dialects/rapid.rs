@@ -9,8 +9,9 @@ use trical_model::Pose;
 
 use super::rapid_frames::{declare, tool, work_object};
 use super::rapid_motions::is_motion;
+use super::rapid_parts::Piece;
 pub use super::rapid_reader::{Effects, Exports};
-use super::rapid_reader::{Element, Piece, Place, Reader, scoped};
+use super::rapid_reader::{Element, Place, Reader, scoped};
 use crate::branch::Configuration;
 use crate::elsewhere::{Elsewhere, Nowhere};
 use crate::frames::ToolFrame;

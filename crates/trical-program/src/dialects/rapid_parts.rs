@@ -2,10 +2,30 @@
 
 use std::collections::HashMap;
 
-use super::rapid_reader::{FARTHEST, Piece};
 use crate::scan::hashed;
-use crate::text::{Cursor, is_one_of};
+use crate::text::{Cursor, Span, is_one_of};
 
+/// A list as far as targets care.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Piece {
+    /// How many numbers it is, at most six; none where it is anything else, of which targets were taken.
+    pub(super) count: usize,
+    pub(super) spans: [Span; 6],
+    /// What has no value in it and is no part of a target in it.
+    pub(super) unread: Option<Span>,
+    /// The name that stands in its place, where it is data of the module.
+    pub(super) name: Option<Span>,
+}
+
+impl Piece {
+    /// Its numbers.
+    pub(super) fn numbers(&self) -> &[Span] {
+        self.spans.get(..self.count).unwrap_or(&[])
+    }
+}
+
+/// Bytes before an item that are looked at.
+const FARTHEST: usize = 300;
 /// Kinds of data that are parts of targets.
 const KINDS: [&[u8]; 5] = [b"pos", b"orient", b"confdata", b"extjoint", b"robjoint"];
 
@@ -67,8 +87,15 @@ fn declared(c: &mut Cursor<'_>) -> Option<Piece> {
 
 /// Whether what stands at `at` is an item of a list: else it may be set there, or given to a routine that changes it.
 fn in_brackets(bytes: &[u8], at: usize) -> bool {
-    let near = bytes.get(at.saturating_sub(FARTHEST)..at).unwrap_or(&[]);
-    let statement = near.rsplit(|b| *b == b';').next().unwrap_or(near);
-    let count = |bracket: u8| statement.iter().filter(|b| **b == bracket).count();
-    count(b'[') > count(b']')
+    let mut depth = 0;
+    for b in bytes.get(..at).unwrap_or(&[]).iter().rev().take(FARTHEST) {
+        match b {
+            b';' => return false,
+            b']' => depth += 1,
+            b'[' if depth == 0 => return true,
+            b'[' => depth -= 1,
+            _ => {}
+        }
+    }
+    false
 }

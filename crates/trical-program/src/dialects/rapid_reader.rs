@@ -2,6 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
+use super::rapid_parts::{Piece, parts};
 use crate::elsewhere::{Elsewhere, Goes, Outside};
 use crate::expression::Constants;
 use crate::frames::Frames;
@@ -60,25 +61,6 @@ pub(super) struct Reader<'a> {
     pub(super) exports: Option<Exports>,
 }
 
-/// A list as far as targets care.
-#[derive(Clone, Copy, Default)]
-pub(super) struct Piece {
-    /// How many numbers it is, at most six; none where it is anything else, of which targets were taken.
-    pub(super) count: usize,
-    pub(super) spans: [Span; 6],
-    /// What has no value in it and is no part of a target in it.
-    pub(super) unread: Option<Span>,
-    /// The name that stands in its place, where it is data of the module.
-    pub(super) name: Option<Span>,
-}
-
-impl Piece {
-    /// Its numbers.
-    pub(super) fn numbers(&self) -> &[Span] {
-        self.spans.get(..self.count).unwrap_or(&[])
-    }
-}
-
 /// An element of a list.
 pub(super) struct Element {
     /// How many targets of the file stand up to its end.
@@ -127,7 +109,7 @@ impl<'a> Reader<'a> {
             unset: HashSet::new(),
             arrays: HashSet::new(),
             tables: HashSet::new(),
-            parts: super::rapid_parts::parts(bytes),
+            parts: parts(bytes),
             used_parts: Vec::new(),
             elsewhere,
             lent: Vec::new(),

@@ -47,8 +47,8 @@ pub(super) const RAPID: &[Case] = &[
     ),
     case(
         "parts of targets that have names",
-        "VAR extjoint ext:=[9E9,9E9,9E9,9E9,9E9,9E9];\nVAR confdata conf:=@C0;\nCONST orient turned:=[@R0];\nCONST pos there:=[@X1,@Y1,@Z1];\nCONST orient other:=[@R1];\nCONST robtarget p:=[[@X0,@Y0,@Z0],turned,conf,ext];\nMoveAbsJ [[10,20,10,5,60,-7],ext],v1,fine,tool0;\nMoveL [[@X0,@Y0,@Z0],[@R0],conf,ext],v1,fine,tool0;\nMoveL [there,other,@C1,ext],v1,fine,tool0;\nMoveL [[@X0,@Y0,@Z0],turned,conf,ext],v1,fine,tool0;\nMoveL p,v1,fine,tool0;\n",
-        &[6, 7, 8, 9, 10],
+        "VAR extjoint ext:=[9E9,9E9,9E9,9E9,9E9,9E9];\nVAR confdata conf:=@C0;\nCONST orient turned:=[@R0];\nCONST pos there:=[@X1,@Y1,@Z1];\nCONST orient other:=[@R1];\nCONST robtarget p{3}:=[[[@X0,@Y0,@Z0],turned,conf,ext],[[@X0,@Y0,@Z0],turned,conf,ext],[[@X0,@Y0,@Z0],turned,conf,ext]];\nMoveAbsJ [[10,20,10,5,60,-7],ext],v1,fine,tool0;\nMoveL [[@X0,@Y0,@Z0],[@R0],conf,ext],v1,fine,tool0;\nMoveL [there,other,@C1,ext],v1,fine,tool0;\nMoveL [[@X0,@Y0,@Z0],turned,conf,ext],v1,fine,tool0;\nMoveL p{2},v1,fine,tool0;\nMoveL p{i},v1,fine,tool0;\n",
+        &[6, 6, 6, 7, 8, 9, 10],
         &[],
     ),
     case(

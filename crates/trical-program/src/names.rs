@@ -1,13 +1,16 @@
 //! Which names stand for which targets, and how motions use them.
 
+mod sources;
+mod unused;
+
 use std::cmp::Ordering;
 use std::collections::{HashMap, HashSet};
 
 use nalgebra::Vector3;
 
 use crate::reaching::{Definition, Definitions, Part};
-use crate::scan::{Fork, OWN_SETUP, Scan, Visit, hashed};
-use crate::text::{Cursor, is_one_of};
+use crate::scan::{Fork, OWN_SETUP, Scan, Visit};
+use crate::text::Cursor;
 
 /// How a motion names its place.
 #[derive(Clone, Copy, Debug)]
@@ -276,13 +279,6 @@ impl Names {
         }
     }
 
-    /// What a name is set from before a motion that meets these definitions; `None` is any.
-    fn origins_met(&self, name: u64, met: Option<&[u32]>) -> Vec<Origin> {
-        let all = self.origins.get(&name).into_iter().flatten();
-        let any = all.filter(|(_, is_here)| met.is_none() || !is_here).map(|(origin, _)| *origin);
-        any.chain(met.into_iter().flatten().filter_map(|k| self.set_here.get(k).copied())).collect()
-    }
-
     /// Where the program sets or changes the data of this name, if it does.
     #[must_use]
     pub fn set_at(&self, name: u64) -> Option<usize> {
@@ -519,57 +515,6 @@ impl Names {
         scan.remove(&gone);
     }
 
-    /// Targets whose numbers nothing in the files uses, or only before they are set anew; none where nothing in the files goes to
-    /// any target.
-    fn not_in_use(&self, scan: &Scan, bytes: &[u8]) -> Vec<u32> {
-        let goes = scan.visits.iter().any(|v| matches!(v, Visit::To(_) | Visit::Near { .. }));
-        if self.only_data || !goes && !self.in_use.contains(&true) {
-            return Vec::new();
-        }
-        let is_idle = |spot: &u32| self.in_use.get(*spot as usize) != Some(&true);
-        let text = |spot: &u32| scan.spots.get(*spot as usize).map_or(&[][..], |s| s.name.text(bytes));
-        let named = |g: &Group| -> Vec<(u64, u32)> {
-            let idle = (g.first..g.first + g.count).filter(is_idle).filter(|spot| !text(spot).is_empty());
-            idle.map(|spot| (g.definition.name, spot)).collect()
-        };
-        let mut idle: Vec<(u64, u32)> = self.groups.iter().flat_map(named).collect();
-        let in_text: HashSet<u64> = idle.iter().map(|(_, spot)| hashed(text(spot))).collect();
-        let read = match self.comment {
-            Some(comment) if !idle.is_empty() => names_read(bytes, comment, &in_text),
-            _ => HashSet::new(),
-        };
-        let is_read = |name: &u64, spot: &u32| self.read.contains(name) || read.contains(&hashed(text(spot)));
-        idle.retain(|(name, spot)| self.gone_to.contains(name) || !is_read(name, spot));
-        idle.into_iter().map(|(_, spot)| spot).collect()
-    }
-
-    /// A motion to a name that this file does not define, or that has no numbers there, but is set from these.
-    fn goes_to_undefined(
-        &mut self,
-        name: u64,
-        setup: u32,
-        at: u32,
-        origins: Option<Vec<Origin>>,
-        scan: &mut Scan,
-        problem: &dyn Fn() -> String,
-    ) {
-        let listed = scan.problems.len();
-        let found = match (origins, self.followed.get(&(name, setup))) {
-            (Some(origins), _) => self.follow(name, &origins, setup, scan, &mut Vec::new()),
-            (None, Some(found)) => *found,
-            (None, None) => {
-                let found = self.origin(name, setup, scan, &mut Vec::new());
-                self.followed.insert((name, setup), found);
-                found
-            }
-        };
-        if found != Some(true) {
-            scan.problem(at as usize, problem());
-        } else if scan.problems.len() == listed && !self.listed.contains(&name) {
-            scan.relative.push(at);
-        }
-    }
-
     /// The definitions of names that have several, and what reaches which.
     fn definitions(&self) -> Definitions {
         let is_one_of_several = |(k, g): &(u32, &Group)| {
@@ -598,121 +543,6 @@ impl Names {
         for g in self.by_another_name.iter().filter_map(|k| self.groups.get(*k as usize)) {
             for spot in (g.first..g.first + g.count).filter(|spot| visited.insert(*spot)) {
                 scan.visits.extend([Visit::Fork(Fork::Anywhere), Visit::To(spot)]);
-            }
-        }
-    }
-
-    /// Follows a name that has no data of its own to those that it is set from: whether all that it comes to is rewritten,
-    /// listed, or where the arm is; nothing where it only goes in a circle. `seen` are names on the way, and whether they are
-    /// settled.
-    fn origin(&mut self, name: u64, setup: u32, scan: &mut Scan, seen: &mut Vec<(u64, bool)>) -> Option<bool> {
-        if self.listed.contains(&name) {
-            return Some(true);
-        }
-        if self.defines(name) {
-            let before = scan.visits.len();
-            for group in self.all(name).collect::<Vec<_>>() {
-                self.visit_group(group, setup, Way::Computed, 0, scan);
-                self.by_another_name.push(group);
-            }
-            scan.visits.truncate(before);
-            self.computed(name, scan);
-            if seen.len() > MOST_NAMES {
-                return Some(false);
-            }
-            self.sources(name, setup, scan, seen);
-            return Some(true);
-        }
-        self.follow(name, &self.origins_met(name, None), setup, scan, seen)
-    }
-
-    /// The same, from these on.
-    fn follow(
-        &mut self,
-        name: u64,
-        from: &[Origin],
-        setup: u32,
-        scan: &mut Scan,
-        seen: &mut Vec<(u64, bool)>,
-    ) -> Option<bool> {
-        self.list_computed(from, scan);
-        if from.is_empty() || seen.len() > MOST_NAMES {
-            return Some(false);
-        }
-        let own = seen.len();
-        seen.push((name, false));
-        let mut known = None;
-        for origin in from {
-            let Origin::Name { name: other, .. } = origin else {
-                known = Some(true);
-                continue;
-            };
-            let found = match seen.iter().find(|(n, _)| n == other) {
-                Some((_, settled)) => settled.then_some(true),
-                None => self.origin(*other, setup, scan, seen),
-            };
-            if found == Some(false) {
-                return found;
-            }
-            known = known.or(found);
-        }
-        if let Some(own) = seen.get_mut(own) {
-            own.1 = known.is_some();
-        }
-        known
-    }
-
-    /// Lists, once, where a target that has numbers is set from what has none; what is set from itself is relative to it.
-    fn sources(&mut self, name: u64, setup: u32, scan: &mut Scan, seen: &mut Vec<(u64, bool)>) {
-        if self.followed_on.insert((name, setup)) {
-            self.follow_sources(name, &self.origins_met(name, None), setup, scan, seen);
-        }
-    }
-
-    /// The same, of these.
-    fn follow_sources(&mut self, name: u64, from: &[Origin], setup: u32, scan: &mut Scan, seen: &mut Vec<(u64, bool)>) {
-        let before = seen.len();
-        seen.push((name, true));
-        for origin in from {
-            let Origin::Name { name: other, at } = *origin else { continue };
-            let is_known = other == name || self.origin(other, setup, scan, seen) == Some(true);
-            if !self.listed_at.insert(at) {
-                continue;
-            }
-            if is_known {
-                scan.relative.push(at);
-            } else {
-                let what = "a place to which the arm moves is set here from data that the files do not give as numbers";
-                scan.problem(at as usize, what);
-            }
-        }
-        seen.truncate(before);
-    }
-
-    /// Lists, once, where a name to which the arm moves is calculated.
-    fn computed(&mut self, name: u64, scan: &mut Scan) {
-        if self.settled.insert(name) {
-            self.list_computed(&self.origins_met(name, None), scan);
-        }
-    }
-
-    fn list_computed(&mut self, from: &[Origin], scan: &mut Scan) {
-        for origin in from {
-            let (at, what) = match origin {
-                Origin::Computed(at) => {
-                    (at, "a place to which the arm moves is calculated here while the program runs")
-                }
-                Origin::Around(at) => {
-                    (at, "is called from a module beside the program that changes a target to which the arm moves")
-                }
-                Origin::Perhaps(at) => (
-                    at,
-                    "calls a routine that is in none of the files read and may change a global target to which the arm moves",
-                ),
-                _ => continue,
-            };
-            if self.listed_at.insert(*at) {
-                scan.problem(*at as usize, what);
             }
         }
     }
@@ -795,38 +625,4 @@ impl Names {
             _ => scan.visits.push(Visit::Unknown),
         }
     }
-}
-
-/// Kinds of targets, before a name that is declared.
-const KINDS: [&[u8]; 7] = [b"robtarget", b"jointtarget", b"e6pos", b"pos", b"frame", b"e6axis", b"axis"];
-
-/// Which of these names (hashed without regard to case) stand in a text otherwise than where they are declared, or something is assigned to
-/// them.
-fn names_read(bytes: &[u8], comment: u8, names: &HashSet<u64>) -> HashSet<u64> {
-    let mut c = Cursor::new(bytes, comment);
-    let mut read = HashSet::new();
-    let mut before: &[u8] = b"";
-    while let Some((_, word)) = c.next_word() {
-        let name = hashed(word);
-        let is_declared = is_one_of(std::mem::replace(&mut before, word), &KINDS);
-        if is_declared || !names.contains(&name) {
-            continue;
-        }
-        let mut behind = c;
-        behind.skip_space();
-        let close = match behind.peek() {
-            b'{' => b'}',
-            b'[' => b']',
-            _ => 0,
-        };
-        if close != 0 {
-            behind.skip_past(close, b"\n");
-            behind.skip_space();
-        }
-        behind.at += usize::from(behind.peek() == b':');
-        if !behind.assigns() {
-            read.insert(name);
-        }
-    }
-    read
 }

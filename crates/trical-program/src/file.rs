@@ -336,15 +336,15 @@ impl<'a> Beside<'a> {
         if routines.is_empty() {
             return (found, frames);
         }
-        for path in sources(&whole).take(MOST_FILES) {
+        for path in sources(&whole).filter(|path| !own.contains(path)).take(MOST_FILES) {
             let Some(bytes) = read_small(&path).filter(|b| krl::calls(b, &routines) && !contains(b, MARK.as_bytes()))
             else {
                 continue;
             };
             // with the declarations beside it
             let files = together(&path);
-            let own = files.iter().filter(|file| **file != path).filter_map(|file| read_small(file)).flatten();
-            let Ok(scan) = Dialect::Krl.scan_with(&own.chain(bytes).collect::<Vec<u8>>(), self) else { continue };
+            let data = files.iter().filter(|file| **file != path).filter_map(|file| read_small(file)).flatten();
+            let Ok(scan) = Dialect::Krl.scan_with(&data.chain(bytes).collect::<Vec<u8>>(), self) else { continue };
             let file = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
             for (name, setup) in scan.called_with.iter().filter(|(name, _)| routines.contains(name)) {
                 let mut setup = setup.clone();

@@ -256,6 +256,8 @@ def test_each_motion_ends_where_it_was_meant_or_is_listed(
     model = trical.Model.nominal(**files).with_terms(real(language)[2])
     done = trical.compensate(program, model, new, **files, **options, partial=True)
     listed = {int(m) for p in done["problems"] for m in re.findall(r"line (\d+)", p.partition(": ")[0])}
+    homes = [c for c in done.get("cautions", []) if c.startswith("goes to a home")]
+    listed |= {int(m) for c in homes for m in re.findall(r"line (\d+)", c)}
     elsewhere = "".join(parts.get(k, "") for k in ("elsewhere", "hidden", "frames", "beside"))
     more = {"elsewhere": elsewhere, "config": parts.get("config", "")}
     before = own.controller.run(parts["text"], dat=parts.get("dat", ""), **more)

@@ -4,7 +4,7 @@ use trical_model::{Cell, Forward, Measured, Robot, Workspace};
 
 use crate::dataset::{Dataset, Observation, Rejected};
 use crate::error::{IdentError, Result};
-use crate::fit::{check_observations, length, position_errors, weighted_residuals};
+use crate::fit::{check_observations, length, weighted_residuals};
 use crate::identifiability::{Choice, OwnSetup, ParameterSet};
 use crate::identify::{manner, prepared};
 use crate::noise::Noise;
@@ -57,15 +57,16 @@ pub fn reject_gross_errors_beyond(robot: &Robot, cell: &Cell, data: &Dataset, li
         if bad.is_empty() {
             break;
         }
-        let errors = position_errors(&forward, &kept);
         let mut ws = forward.workspace();
         for i in &bad {
             let o = &kept.observations[*i];
+            let ball = right_ball(&forward, &noise, o, &mut ws);
+            let rows = forward.residual(&o.state, &o.measured, o.frame, &mut ws);
             kept.rejected.push(Rejected {
                 recording: kept.names[o.recording].clone(),
                 line: o.line,
                 row: o.row,
-                reason: gross_error(errors[*i], times[*i], right_ball(&forward, &noise, o, &mut ws)),
+                reason: gross_error(&ws.residual()[..rows], &residuals[*i].0[..rows], ball),
             });
         }
         // they are in order
@@ -76,10 +77,19 @@ pub fn reject_gross_errors_beyond(robot: &Robot, cell: &Cell, data: &Dataset, li
     Ok(kept)
 }
 
-/// Why a row is rejected that is `error` m off, `times` what is usual; `ball` is the one (0-based) that it fits.
-pub(crate) fn gross_error(error: f64, times: f64, ball: Option<usize>) -> String {
-    let off = format!("is {:.3} mm off, {times:.0} times what is usual here: a gross error", error * 1e3);
-    wrong_ball(off, ball)
+/// Why a row is rejected that has this residual (m, rad), in standard deviations `weighted`: how far its position is off, or its orientation
+/// where that is the worse. `ball` is the one (0-based) that it fits.
+pub(crate) fn gross_error(residual: &[f64], weighted: &[f64], ball: Option<usize>) -> String {
+    let parts = |r: &[f64]| {
+        let (position, orientation) = r.split_at(r.len().min(3));
+        (length(position), length(orientation))
+    };
+    let ((off, turned), (times_off, times_turned)) = (parts(residual), parts(weighted));
+    let how_far = match times_turned > times_off {
+        true => format!("has an orientation that is {:.3} deg off", turned.to_degrees()),
+        false => format!("is {:.3} mm off", off * 1e3),
+    };
+    wrong_ball(format!("{how_far}, {:.0} times what is usual here: a gross error", length(weighted)), ball)
 }
 
 /// What is wrong with a row, and that it names the wrong ball where it fits another.
@@ -152,4 +162,18 @@ fn robust_fit(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet) -> 
         }
     }
     Ok((forward, noise))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::gross_error;
+
+    #[test]
+    fn what_is_worse_is_told_the_position_or_the_orientation() {
+        let weighted = [1.0, 0.0, 0.0, 0.0, 100.0, 0.0];
+        let turned = gross_error(&[18e-6, 0.0, 0.0, 0.0, 0.01, 0.0], &weighted, None);
+        assert_eq!(turned, "has an orientation that is 0.573 deg off, 100 times what is usual here: a gross error");
+        let off = gross_error(&[3e-3, 4e-3, 0.0], &[30.0, 40.0, 0.0], Some(1));
+        assert!(off.starts_with("is 5.000 mm off, 50 times") && off.contains("ball 2"), "{off}");
+    }
 }

@@ -430,11 +430,14 @@ impl Judges<'_> {
                 found.rejected += 1;
                 found.marks.set(o.row - 1);
                 if found.named.len() < NAMED {
+                    let r = r[..rows].to_vec();
+                    let weighted = |k: usize| r[k] / noise.sigma(o.recording, &o.measured, k);
+                    let weighted: Vec<f64> = (0..rows).map(weighted).collect();
                     found.named.push(Rejected {
                         recording: name.to_owned(),
                         line: o.line,
                         row: o.row,
-                        reason: gross_error(length(&r[..rows.min(3)]), off, right_ball(robust, noise, o, ws)),
+                        reason: gross_error(&r, &weighted, right_ball(robust, noise, o, ws)),
                     });
                 }
                 return false;

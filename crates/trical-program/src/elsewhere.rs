@@ -39,6 +39,18 @@ pub trait Elsewhere {
         None
     }
 
+    /// Tool and frame that are set where other files call this routine (hashed), as far as they say.
+    fn called_with(&self, routine: u64) -> Option<Setup> {
+        let _ = routine;
+        None
+    }
+
+    /// Six numbers of data of this name (`XHOME`, `$ROBROOT`) that belong to all programs, by the names of the numbers.
+    fn values(&self, name: &[u8], fields: &[&[u8]; 6]) -> Option<[f64; 6]> {
+        let _ = (name, fields);
+        None
+    }
+
     /// The frame of this name, as [`Self::tool`].
     fn frame(&self, name: &str) -> Option<Result<Pose, String>> {
         let _ = name;

@@ -1,23 +1,27 @@
 //! Compensation from file to file.
 
-use std::cell::{OnceCell, RefCell};
-use std::collections::HashMap;
+use std::cell::{Cell, OnceCell, RefCell};
+use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
 use std::io::{BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
-use trical_model::Model;
+use nalgebra::Vector3;
+use trical_model::pose::rotation_zyx;
+use trical_model::{Model, Pose};
 use trical_recording::whole::Part as Whole;
 
-use crate::dialects::{Dialect, krl};
+use crate::dialects::{Dialect, MARK, krl};
 use crate::elsewhere::{Elsewhere, Nowhere, Outside};
 use crate::error::ProgramError;
-use crate::frames::Frames;
+use crate::flow::at_calls;
+use crate::frames::{AT, Frames, TIMES, ToolFrame};
 use crate::modules::Modules;
 use crate::options::Options;
 use crate::report::{Report, listed, summarized};
 use crate::rewriting::{Part, Program, compensate};
-use crate::scan::hashed;
+use crate::scan::{Setup, hashed};
+use crate::text::contains;
 
 /// What to do with which file.
 #[derive(Clone, Copy, Debug)]
@@ -74,6 +78,10 @@ impl Job<'_> {
             frames.or(&load_frames(&config)?);
             read_with.push(config.display().to_string());
         }
+        let (beside, modules) = (Beside::of(self.program), Modules::beside(self.program));
+        if dialect == Dialect::Krl {
+            frames.world = frames.world.or_else(|| beside.world());
+        }
         read_with.extend(files.iter().filter(|f| *f != self.program).map(|f| f.display().to_string()));
         let names: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
         let (bytes, ends) = read_all(&files, &names)?;
@@ -91,7 +99,6 @@ impl Job<'_> {
             .zip(names.iter().zip(&ends))
             .map(|(sink, (name, end))| Part { name, end: *end, sink: sink.as_write() })
             .collect();
-        let (beside, modules) = (Beside::of(self.program), Modules::beside(self.program));
         let elsewhere: &dyn Elsewhere = match dialect {
             Dialect::Krl => &beside,
             Dialect::Rapid => &modules,
@@ -100,7 +107,8 @@ impl Job<'_> {
         let program = Program { bytes: &bytes, parts, dialect, elsewhere };
         let mut report = compensate(program, nominal, model, &frames, options)?;
         report.cautions.extend(beside.unread());
-        read_with.extend(beside.read.into_inner());
+        let read = beside.read.into_inner();
+        read_with.extend(read.into_iter().filter(|file| !read_with.contains(file)).collect::<Vec<_>>());
         if dialect == Dialect::Rapid {
             read_with.extend(modules.used());
             report.cautions.extend(modules.unread());
@@ -195,12 +203,12 @@ fn together(program: &Path) -> Vec<PathBuf> {
     }
 }
 
-/// Folders in which files of a KRL controller are looked for: the program's, and `Program` and `System` of the controller's files.
+/// Folders in which files of a KRL controller are looked for: the program's, and `Program`, `System` and `Mada` of the controller's files.
 fn places(program: &Path) -> impl Iterator<Item = PathBuf> {
     let folders: Vec<PathBuf> =
         program.parent().into_iter().flat_map(|folder| folder.ancestors().take(5)).map(Path::to_owned).collect();
     folders.into_iter().flat_map(|folder| {
-        let own = [entry(&folder, "Program"), entry(&folder, "System")];
+        let own = ["Program", "System", "Mada"].map(|name| entry(&folder, name));
         std::iter::once(folder).chain(own.into_iter().flatten())
     })
 }
@@ -211,6 +219,42 @@ fn of_controller(program: &Path, name: &str) -> Option<PathBuf> {
     places(&whole).find_map(|place| entry(&place, name).filter(|p| p.is_file() && *p != whole))
 }
 
+/// The sources of a KRL controller beside a program, the nearest first.
+fn sources(program: &Path) -> impl Iterator<Item = PathBuf> {
+    let own = program.to_owned();
+    let is_source = move |p: &PathBuf| {
+        let extension = p.extension().unwrap_or_default();
+        let is_one = extension.eq_ignore_ascii_case("src") || extension.eq_ignore_ascii_case("sub");
+        is_one && *p != own && p.is_file()
+    };
+    places(program).flat_map(move |place| {
+        let mut files: Vec<PathBuf> =
+            std::fs::read_dir(place).into_iter().flatten().flatten().map(|e| e.path()).filter(&is_source).collect();
+        files.sort_unstable();
+        files
+    })
+}
+
+/// Takes over a tool or a frame that a caller sets and its file declares, under a name that says whose it is; what its file does not
+/// declare means the same in all files.
+fn take_with<T: Clone>(name: &mut Option<String>, theirs: &Named<T>, known: &mut Named<T>, file: &str) {
+    let is_theirs = |own: &&String| *own != "0" && (theirs.contains_key(*own) || own.contains(TIMES));
+    let Some(own) = name.as_ref().filter(is_theirs) else { return };
+    let whose = match own.split_once(AT) {
+        Some((own, at)) => format!("{own} of {file}, byte {at}"),
+        None => format!("{own} of {file}"),
+    };
+    let value = theirs.get(own).cloned();
+    known.insert(
+        whose.clone(),
+        value.unwrap_or_else(|| Err(format!("is meant with '{own}', which {file} sets and does not give as numbers"))),
+    );
+    *name = Some(whose);
+}
+
+/// Tools or frames by their names.
+type Named<T> = BTreeMap<String, Result<T, String>>;
+
 /// Files that are looked through for GLOBAL routines, at most, and bytes of each.
 const MOST_FILES: usize = 500;
 const LARGEST_FILE: u64 = 16 << 20;
@@ -219,20 +263,8 @@ const LARGEST_FILE: u64 = 16 << 20;
 fn globals(program: &Path) -> (HashMap<u64, PathBuf>, Vec<String>) {
     let (mut found, mut unread) = (HashMap::new(), Vec::new());
     let Ok(whole) = program.canonicalize() else { return (found, unread) };
-    let is_source = |p: &PathBuf| {
-        let extension = p.extension().unwrap_or_default();
-        let is_one = extension.eq_ignore_ascii_case("src") || extension.eq_ignore_ascii_case("sub");
-        is_one && *p != whole && p.is_file()
-    };
-    let sources = places(&whole).flat_map(|place| {
-        let mut files: Vec<PathBuf> =
-            std::fs::read_dir(place).into_iter().flatten().flatten().map(|e| e.path()).filter(is_source).collect();
-        files.sort_unstable();
-        files
-    });
-    for (number, path) in sources.enumerate() {
-        let is_small = number < MOST_FILES && path.metadata().is_ok_and(|m| m.len() <= LARGEST_FILE);
-        match is_small.then(|| std::fs::read(&path).ok()).flatten() {
+    for (number, path) in sources(&whole).enumerate() {
+        match (number < MOST_FILES).then(|| read_small(&path)).flatten() {
             Some(bytes) => krl::globals(&bytes).into_iter().for_each(|name| {
                 found.entry(name).or_insert_with(|| path.clone());
             }),
@@ -240,6 +272,11 @@ fn globals(program: &Path) -> (HashMap<u64, PathBuf>, Vec<String>) {
         }
     }
     (found, unread)
+}
+
+/// The bytes of a file that is not too large to be looked through.
+fn read_small(path: &Path) -> Option<Vec<u8>> {
+    path.metadata().is_ok_and(|m| m.len() <= LARGEST_FILE).then(|| std::fs::read(path).ok()).flatten()
 }
 
 /// What is called so in a folder, without regard to case.
@@ -259,11 +296,122 @@ struct Beside<'a> {
     read: RefCell<Vec<String>>,
     /// Files of GLOBAL routines.
     global: OnceCell<(HashMap<u64, PathBuf>, Vec<String>)>,
+    /// Frames that files beside declare as GLOBAL, with these files.
+    frames: OnceCell<Vec<(Frames, String)>>,
+    /// What is set where files beside call routines of this program, and the tools and frames that they give for it.
+    callers: OnceCell<(HashMap<u64, Setup>, Frames)>,
+    /// Whether these are being read.
+    reads_callers: Cell<bool>,
 }
 
 impl<'a> Beside<'a> {
     fn of(program: &'a Path) -> Self {
-        Self { program, known: RefCell::default(), read: RefCell::default(), global: OnceCell::new() }
+        Self {
+            program,
+            known: RefCell::default(),
+            read: RefCell::default(),
+            global: OnceCell::new(),
+            frames: OnceCell::new(),
+            callers: OnceCell::new(),
+            reads_callers: Cell::new(false),
+        }
+    }
+
+    /// What is set at the calls of this program's routines in the files beside.
+    fn callers(&self) -> &(HashMap<u64, Setup>, Frames) {
+        self.callers.get_or_init(|| {
+            self.reads_callers.set(true);
+            let found = self.read_callers();
+            self.reads_callers.set(false);
+            found
+        })
+    }
+
+    fn read_callers(&self) -> (HashMap<u64, Setup>, Frames) {
+        let (mut found, mut frames) = (HashMap::<u64, Setup>::new(), Frames::default());
+        let Ok(whole) = self.program.canonicalize() else { return (found, frames) };
+        let own = together(&whole);
+        let source = own.last().and_then(|source| read_small(source)).unwrap_or_default();
+        let routines = krl::callable(&source);
+        if routines.is_empty() {
+            return (found, frames);
+        }
+        for path in sources(&whole).filter(|path| !own.contains(path)).take(MOST_FILES) {
+            let Some(bytes) = read_small(&path).filter(|b| krl::calls(b, &routines) && !contains(b, MARK.as_bytes()))
+            else {
+                continue;
+            };
+            // with the declarations beside it
+            let files = together(&path);
+            let data = files.iter().filter(|file| **file != path).filter_map(|file| read_small(file)).flatten();
+            let Ok(scan) = Dialect::Krl.scan_with(&data.chain(bytes).collect::<Vec<u8>>(), self) else { continue };
+            let file = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+            for (name, setup) in scan.called_with.iter().filter(|(name, _)| routines.contains(name)) {
+                let mut setup = setup.clone();
+                take_with(&mut setup.tool, &scan.frames.tools, &mut frames.tools, &file);
+                take_with(&mut setup.frame, &scan.frames.frames, &mut frames.frames, &file);
+                let before = found.remove(name).unwrap_or_default();
+                found.insert(*name, at_calls(before, setup));
+                self.note_read(path.display().to_string());
+            }
+        }
+        (found, frames)
+    }
+
+    fn note_read(&self, file: String) {
+        let mut read = self.read.borrow_mut();
+        if !read.contains(&file) {
+            read.push(file);
+        }
+    }
+
+    /// The controller's world in the arm's foot, where `$machine.dat` says that it is elsewhere.
+    fn world(&self) -> Option<Pose> {
+        let [x, y, z, a, b, c] = self.values(b"$ROBROOT", &krl::POSE)?;
+        let rotation = rotation_zyx(a.to_radians(), b.to_radians(), c.to_radians());
+        let foot = Pose { rotation, translation: Vector3::new(x, y, z) * 1e-3 };
+        (foot != Pose::identity()).then(|| foot.inverse())
+    }
+
+    /// Frames of other programs, of the files in which any is GLOBAL.
+    fn global_frames(&self) -> &[(Frames, String)] {
+        self.frames.get_or_init(|| {
+            let Ok(whole) = self.program.canonicalize() else { return Vec::new() };
+            let own = together(&whole);
+            let is_data =
+                |p: &PathBuf| p.extension().is_some_and(|e| e.eq_ignore_ascii_case("dat")) && !own.contains(p);
+            let files = |place: PathBuf| {
+                let mut files: Vec<PathBuf> = std::fs::read_dir(place)
+                    .into_iter()
+                    .flatten()
+                    .flatten()
+                    .map(|e| e.path())
+                    .filter(is_data)
+                    .collect();
+                files.sort_unstable();
+                files
+            };
+            let mut found = Vec::new();
+            for path in places(&whole).flat_map(files).take(MOST_FILES) {
+                let Some(bytes) = read_small(&path) else { continue };
+                let global = krl::global_frames(&bytes);
+                let Some(mut frames) = (!global.is_empty()).then(|| load_frames(&path).ok()).flatten() else {
+                    continue;
+                };
+                let is_global = |name: &String| global.contains(&hashed(name.as_bytes()));
+                frames.tools.retain(|name, _| is_global(name));
+                frames.frames.retain(|name, _| is_global(name));
+                found.push((frames, path.display().to_string()));
+            }
+            found
+        })
+    }
+
+    /// What the nearest file has that declares this for all.
+    fn global_frame<T: Clone>(&self, find: impl Fn(&Frames) -> Option<&T>) -> Option<T> {
+        let (found, file) = self.global_frames().iter().find_map(|(frames, file)| Some((find(frames)?, file)))?;
+        self.note_read(file.clone());
+        Some(found.clone())
     }
 
     /// Files in which a routine was looked for and that were not read, in one sentence.
@@ -310,6 +458,29 @@ impl<'a> Beside<'a> {
 impl Elsewhere for Beside<'_> {
     fn routine(&self, name: &str) -> Option<Outside> {
         self.does(name)
+    }
+
+    fn called_with(&self, routine: u64) -> Option<Setup> {
+        (!self.reads_callers.get()).then(|| self.callers().0.get(&routine).cloned()).flatten()
+    }
+
+    fn tool(&self, name: &str) -> Option<Result<ToolFrame, String>> {
+        let by_caller = self.callers.get().and_then(|(_, frames)| frames.tools.get(name).cloned());
+        by_caller.or_else(|| self.global_frame(|frames| frames.tools.get(name)))
+    }
+
+    fn frame(&self, name: &str) -> Option<Result<Pose, String>> {
+        let by_caller = self.callers.get().and_then(|(_, frames)| frames.frames.get(name).cloned());
+        by_caller.or_else(|| self.global_frame(|frames| frames.frames.get(name)))
+    }
+
+    fn values(&self, name: &[u8], fields: &[&[u8]; 6]) -> Option<[f64; 6]> {
+        let files = ["$config.dat", "$machine.dat"].into_iter().filter_map(|file| of_controller(self.program, file));
+        files.filter_map(|path| Some((read_small(&path)?, path))).find_map(|(bytes, path)| {
+            let found = krl::values(&bytes, name, fields)?;
+            self.note_read(path.display().to_string());
+            Some(found)
+        })
     }
 }
 

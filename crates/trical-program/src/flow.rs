@@ -94,6 +94,13 @@ impl Flow {
                 let begins = &mut seen.entry(Block::Routine(name)).or_default().begins;
                 *begins = begins.take().or(moving.clone()).map(|b| either(moving.as_ref(), &b, BY_INTERRUPT));
             }
+            for (block, passage) in seen.iter_mut().filter(|(_, p)| p.ends.is_some()) {
+                if let (Block::Routine(name), Some(other)) = (block, elsewhere)
+                    && let Some(setup) = other.called_with(*name)
+                {
+                    passage.begins = Some(either(passage.begins.as_ref(), &setup, BY_CALLER));
+                }
+            }
             let is_here = |name: &u64| seen.get(&Block::Routine(*name)).is_some_and(|p| p.ends.is_some());
             let mut calls: Vec<(u64, Call)> = calls.into_iter().filter(|(name, _)| !is_here(name)).collect();
             // files are read in the order of the calls, whatever the order of hashes
@@ -103,6 +110,11 @@ impl Flow {
                 Block::Loop(_) => None,
             });
             scan(&mut made).routines = leaves.collect();
+            let begins = seen.iter().filter_map(|(block, p)| match block {
+                Block::Routine(name) => Some((*name, p.begins.clone()?)),
+                Block::Loop(_) => None,
+            });
+            scan(&mut made).called_with = begins.collect();
             let mut called = Vec::new();
             calls.retain(|(name, call)| match elsewhere.map(|other| other.routine(&call.name)) {
                 Some(Some(routine)) => {
@@ -282,6 +294,16 @@ impl Passage {
         let set = |entered: Option<String>, ends: Option<String>| ends.filter(|e| entered.as_ref() != Some(e));
         Some(Setup { tool: set(entered.tool, ends.tool), frame: set(entered.frame, ends.frame) })
     }
+}
+
+/// What is set at calls in several files, of which some may say nothing.
+#[must_use]
+pub fn at_calls(a: Setup, b: Setup) -> Setup {
+    let all = either(Some(&a), &b, BY_CALLER);
+    let said = |a: Option<String>, b: Option<String>, all: Option<String>| {
+        if a.is_some() && b.is_some() { all } else { a.or(b) }
+    };
+    Setup { tool: said(a.tool, b.tool, all.tool), frame: said(a.frame, b.frame, all.frame) }
 }
 
 /// What is set by its number means the same in all files.

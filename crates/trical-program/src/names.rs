@@ -1,5 +1,8 @@
 //! Which names stand for which targets, and how motions use them.
 
+mod sources;
+mod unused;
+
 use std::cmp::Ordering;
 use std::collections::{HashMap, HashSet};
 
@@ -66,9 +69,14 @@ pub struct Names {
     defined: HashMap<u64, u32>,
     groups: Vec<Group>,
     uses: Vec<Use>,
-    origins: HashMap<u64, Vec<Origin>>,
+    /// What names are set from, and whether where that stands is known ([`Self::set_here`]).
+    origins: HashMap<u64, Vec<(Origin, bool)>>,
     /// Names with others that they are set from.
-    copies: HashSet<(u64, u64)>,
+    copies: HashSet<(u64, u64, bool)>,
+    /// What the definitions without numbers of their own are set from.
+    set_here: HashMap<u32, Origin>,
+    /// Names that have such definitions.
+    moved_on: HashSet<u64>,
     /// Names whose calculations were listed.
     settled: HashSet<u64>,
     /// Names whose sources were followed, by the setups of the motions that go there.
@@ -89,8 +97,24 @@ pub struct Names {
     within: Vec<u64>,
     /// Routines of this file.
     routines: HashMap<u64, Routine>,
+    /// Those that may run at any time: of traps, interrupts and threads.
+    any_time: HashSet<u64>,
+    /// Whether a handler of errors is being read, behind which a motion above it may be tried again.
+    in_handler: bool,
+    /// Names that handlers set.
+    set_in_handlers: HashSet<u64>,
     /// Groups to which motions go by the names of what is set from them.
     by_another_name: Vec<u32>,
+    /// Targets that something uses.
+    in_use: Vec<bool>,
+    /// Names to which motions go.
+    gone_to: HashSet<u64>,
+    /// Names that statements use.
+    read: HashSet<u64>,
+    /// Whether the file has no motion of its own.
+    only_data: bool,
+    /// What begins comments, in a language in which [`Self::read`] is seen from the names in the text.
+    comment: Option<u8>,
     /// Whether other motions come between those to the elements of an array.
     apart: bool,
 }
@@ -102,7 +126,7 @@ struct Routine {
     calls: HashSet<u64>,
 }
 
-/// A definition: targets that the text gives together.
+/// A definition: targets that the text gives together; none where it sets the name from something else.
 #[derive(Clone, Copy, Debug)]
 struct Group {
     definition: Definition,
@@ -122,6 +146,12 @@ enum Use {
 }
 
 impl Names {
+    /// None yet, in a language whose comments this begins: which names its statements use is seen from the text.
+    #[must_use]
+    pub fn in_text(comment: u8) -> Self {
+        Self { comment: Some(comment), ..Self::default() }
+    }
+
     /// Targets `first..end` have this name (several: an array).
     pub fn define(&mut self, name: u64, first: usize, end: usize) {
         self.define_part(name, Part::Whole, first, end);
@@ -133,9 +163,9 @@ impl Names {
             return;
         }
         let index = self.groups.len() as u32;
-        let within = self.within.last().copied();
+        let definition = self.definition_here(name, part);
         self.groups.push(Group {
-            definition: Definition { name, part, within, above: self.uses.len() as u32 },
+            definition,
             first: first as u32,
             count: (end - first) as u32,
             earlier: self.defined.insert(name, index),
@@ -143,10 +173,84 @@ impl Names {
         });
     }
 
+    /// All of the file is read: what is told from here on, other files do. Of one without motions nobody knows what uses its targets.
+    pub fn end_of_file(&mut self) {
+        let is_motion = |u: &Use| match u {
+            Use::Named { way, .. } => !matches!(way, Way::Said),
+            Use::Direct(visit) => !matches!(visit, Visit::Fork(_) | Visit::Like(_)),
+            Use::Called { .. } => false,
+        };
+        self.only_data = !self.uses.iter().any(is_motion);
+    }
+
     /// Whether targets of the file have this name.
     #[must_use]
     pub fn defines(&self, name: u64) -> bool {
         self.defined.contains_key(&name)
+    }
+
+    /// The program sets the data of this name, or a part of them, here: motions that come from here meet what this gives, and not what was
+    /// there before.
+    pub fn set_here(&mut self, name: u64, part: Part, origin: Origin) {
+        // what is shifted against itself is still there
+        let is_new = !matches!(origin, Origin::Name { name: from, .. } if from == name);
+        if is_new {
+            self.set_here.insert(self.groups.len() as u32, origin);
+            self.moved_on.insert(name);
+            let definition = self.definition_here(name, part);
+            self.groups.push(Group { definition, first: 0, count: 0, earlier: None, used: None });
+        }
+        self.keep_origin(name, origin, is_new);
+    }
+
+    fn definition_here(&mut self, name: u64, part: Part) -> Definition {
+        if self.in_handler {
+            self.set_in_handlers.insert(name);
+        }
+        Definition { name, part, within: self.within.last().copied(), above: self.uses.len() as u32 }
+    }
+
+    /// This routine may run at any time.
+    pub fn runs_at_any_time(&mut self, routine: u64) {
+        self.any_time.insert(routine);
+    }
+
+    /// Here begins a handler of errors of the routine that is being read.
+    pub fn handler(&mut self) {
+        self.in_handler = true;
+        self.fork(Fork::Anywhere);
+    }
+
+    /// Names that are set where the text does not say when: a motion may meet any of their definitions.
+    fn set_at_any_time(&self) -> HashSet<u64> {
+        let (mut routines, mut next) = (HashSet::new(), self.any_time.iter().copied().collect::<Vec<_>>());
+        while let Some(name) = next.pop() {
+            if routines.insert(name) {
+                next.extend(self.routines.get(&name).into_iter().flat_map(|own| &own.calls));
+            }
+        }
+        let is_there = |d: &&Definition| d.within.is_some_and(|within| routines.contains(&within));
+        let there = self.groups.iter().map(|g| &g.definition).filter(is_there).map(|d| d.name);
+        self.set_in_handlers.iter().copied().chain(there).collect()
+    }
+
+    /// A statement uses the data of this name.
+    pub fn read(&mut self, name: u64) {
+        self.read.insert(name);
+    }
+
+    /// Whether a statement does, as far as is told.
+    #[must_use]
+    pub fn is_read(&self, name: u64) -> bool {
+        self.read.contains(&name)
+    }
+
+    fn use_targets(&mut self, targets: std::ops::Range<u32>) {
+        let end = targets.end as usize;
+        if self.in_use.len() < end {
+            self.in_use.resize(end, false);
+        }
+        self.in_use.get_mut(targets.start as usize..end).into_iter().flatten().for_each(|used| *used = true);
     }
 
     /// A motion to a named target; the name stands at `at`.
@@ -157,16 +261,20 @@ impl Names {
         self.uses.push(Use::Named { name, setup, way, at: at as u32 });
     }
 
-    /// The program sets the data of this name.
+    /// The program sets the data of this name somewhere: any motion may meet that.
     pub fn set_from(&mut self, name: u64, origin: Origin) {
+        self.keep_origin(name, origin, false);
+    }
+
+    fn keep_origin(&mut self, name: u64, origin: Origin, is_here: bool) {
         let all = self.origins.entry(name).or_default();
         let is_new = match origin {
-            Origin::Name { name: from, .. } => self.copies.insert((name, from)),
+            Origin::Name { name: from, .. } => self.copies.insert((name, from, is_here)),
             _ => true,
         };
         match (all.len().cmp(&MOST_ORIGINS), origin) {
-            (Ordering::Less, _) if is_new => all.push(origin),
-            (Ordering::Equal, Origin::Name { at, .. }) if is_new => all.push(Origin::Computed(at)),
+            (Ordering::Less, _) if is_new => all.push((origin, is_here)),
+            (Ordering::Equal, Origin::Name { at, .. }) if is_new => all.push((Origin::Computed(at), is_here)),
             _ => {}
         }
     }
@@ -174,7 +282,7 @@ impl Names {
     /// Where the program sets or changes the data of this name, if it does.
     #[must_use]
     pub fn set_at(&self, name: u64) -> Option<usize> {
-        let set = self.origins.get(&name).into_iter().flatten().find_map(|o| match o {
+        let set = self.origins.get(&name).into_iter().flatten().find_map(|(o, _)| match o {
             Origin::Name { at, .. } | Origin::Computed(at) | Origin::Around(at) | Origin::Perhaps(at) => Some(*at),
             Origin::Here => None,
         });
@@ -206,8 +314,9 @@ impl Names {
         match group.and_then(|g| self.groups.get_mut(g as usize)) {
             Some(g) => {
                 g.used = g.used.or(Some(OWN_SETUP));
-                let visit = if relative { Visit::Unknown } else { Visit::To(g.first) };
-                self.visit(visit);
+                let first = g.first;
+                self.use_targets(first..first + 1);
+                self.visit(if relative { Visit::Unknown } else { Visit::To(first) });
             }
             None => self.used(name, OWN_SETUP, Way::To, at),
         }
@@ -235,6 +344,7 @@ impl Names {
     pub fn end(&mut self, fork: Option<Fork>) {
         if fork == Some(Fork::Anywhere) {
             self.within.pop();
+            self.in_handler = false;
         }
         fork.into_iter().for_each(|f| self.fork(f));
     }
@@ -318,7 +428,7 @@ impl Names {
     pub fn resolve(mut self, scan: &mut Scan, bytes: &[u8], elsewhere: &dyn Fn(&[u8]) -> String) {
         let moving = self.moving();
         let alone = self.alone_in_loops(&moving);
-        let mut definitions = self.definitions();
+        let (mut definitions, set_at_any_time) = (self.definitions(), self.set_at_any_time());
         let mut open: Vec<bool> = Vec::new();
         for (index, u) in std::mem::take(&mut self.uses).into_iter().enumerate() {
             definitions.pass(index);
@@ -352,52 +462,65 @@ impl Names {
                 c.at = at as usize;
                 elsewhere(c.word())
             };
-            if !self.defines(name) {
+            let is_any = matches!(way, Way::Said) || set_at_any_time.contains(&name);
+            let met = if is_any { None } else { definitions.met(name, way.element()) };
+            let origins = met.as_ref().map(|met| self.origins_met(name, Some(met)));
+            let has_numbers = match &met {
+                Some(met) => met.iter().any(|k| !self.set_here.contains_key(k)),
+                None => self.defines(name),
+            };
+            if is_motion {
+                self.gone_to.insert(name);
+            }
+            if !has_numbers {
                 scan.visits.extend(is_motion.then_some(Visit::Unknown));
-                if is_motion {
-                    self.goes_to_undefined(name, setup, at, scan, &problem);
+                match origins {
+                    Some(origins) if is_motion && self.defines(name) => {
+                        self.list_computed(&origins, scan);
+                        self.follow_sources(name, &origins, setup, scan, &mut Vec::new());
+                    }
+                    origins if is_motion => self.goes_to_undefined(name, setup, at, origins, scan, &problem),
+                    _ => {}
                 }
                 continue;
             }
-            let met = definitions.met(name, way.element());
             let is_given = self.visit_any(name, met, setup, way, at, scan);
             if !is_given && is_motion && !self.origins.contains_key(&name) {
                 scan.problem(at as usize, problem());
             }
             if is_motion {
-                self.computed(name, scan);
-                self.sources(name, setup, scan, &mut Vec::new());
+                match origins {
+                    Some(origins) => {
+                        self.list_computed(&origins, scan);
+                        self.follow_sources(name, &origins, setup, scan, &mut Vec::new());
+                    }
+                    None => {
+                        self.computed(name, scan);
+                        self.sources(name, setup, scan, &mut Vec::new());
+                    }
+                }
                 scan.relative.extend(self.changed.remove(&name).into_iter().flatten());
                 scan.relative.extend(matches!(way, Way::Computed).then_some(at));
             }
         }
-        self.use_earlier(scan);
         self.approached_from_anywhere(scan);
         let groups = |name: &u64| self.all(*name).filter_map(|k| self.groups.get(k as usize));
         let unused = self.no_targets.iter().filter(|name| groups(name).all(|g| g.used.is_none()));
-        let gone: HashSet<u32> = unused.flat_map(groups).flat_map(|g| g.first..g.first + g.count).collect();
-        scan.remove(&gone);
-    }
-
-    /// A motion to a name that this file does not define.
-    fn goes_to_undefined(&mut self, name: u64, setup: u32, at: u32, scan: &mut Scan, problem: &dyn Fn() -> String) {
-        let listed = scan.problems.len();
-        let found = match self.followed.get(&(name, setup)) {
-            Some(found) => *found,
-            None => self.origin(name, setup, scan, &mut Vec::new()),
-        };
-        self.followed.insert((name, setup), found);
-        if found != Some(true) {
-            scan.problem(at as usize, problem());
-        } else if scan.problems.len() == listed && !self.listed.contains(&name) {
-            scan.relative.push(at);
+        let mut gone: HashSet<u32> = unused.flat_map(groups).flat_map(|g| g.first..g.first + g.count).collect();
+        for spot in self.not_in_use(scan, bytes) {
+            if let Some(target) = scan.spots.get(spot as usize).filter(|_| gone.insert(spot)) {
+                scan.unused.push((scan.at(target), target.name));
+            }
         }
+        scan.remove(&gone);
     }
 
     /// The definitions of names that have several, and what reaches which.
     fn definitions(&self) -> Definitions {
         let is_one_of_several = |(k, g): &(u32, &Group)| {
-            g.earlier.is_some() || self.defined.get(&g.definition.name).is_some_and(|newest| newest != k)
+            let name = &g.definition.name;
+            let is_earlier = || self.defined.get(name).is_some_and(|newest| newest != k);
+            g.earlier.is_some() || self.moved_on.contains(name) || is_earlier()
         };
         let several = (0..).zip(&self.groups).filter(is_one_of_several).map(|(k, g)| (k, g.definition)).collect();
         let forks = self.uses.iter().enumerate().filter_map(|(index, u)| match u {
@@ -413,18 +536,6 @@ impl Names {
         std::iter::successors(self.defined.get(&name).copied(), |k| self.groups.get(*k as usize)?.earlier)
     }
 
-    /// What no motion meets, since it is defined anew before, has the setup of that.
-    fn use_earlier(&mut self, scan: &mut Scan) {
-        for k in (0..self.groups.len()).rev() {
-            let Some(Group { used: Some(setup), earlier: Some(earlier), .. }) = self.groups.get(k).copied() else {
-                continue;
-            };
-            let Some(g) = self.groups.get_mut(earlier as usize).filter(|g| g.used.is_none()) else { continue };
-            g.used = Some(setup);
-            (g.first..g.first + g.count).for_each(|spot| scan.assign(spot, setup));
-        }
-    }
-
     /// Visits, after all others, of targets to which motions go by other names only.
     fn approached_from_anywhere(&self, scan: &mut Scan) {
         let mut visited: HashSet<u32> =
@@ -432,103 +543,6 @@ impl Names {
         for g in self.by_another_name.iter().filter_map(|k| self.groups.get(*k as usize)) {
             for spot in (g.first..g.first + g.count).filter(|spot| visited.insert(*spot)) {
                 scan.visits.extend([Visit::Fork(Fork::Anywhere), Visit::To(spot)]);
-            }
-        }
-    }
-
-    /// Follows a name that has no data of its own to those that it is set from: whether all that it comes to is rewritten,
-    /// listed, or where the arm is; nothing where it only goes in a circle. `seen` are names on the way, and whether they are
-    /// settled.
-    fn origin(&mut self, name: u64, setup: u32, scan: &mut Scan, seen: &mut Vec<(u64, bool)>) -> Option<bool> {
-        if self.listed.contains(&name) {
-            return Some(true);
-        }
-        if self.defines(name) {
-            let before = scan.visits.len();
-            for group in self.all(name).collect::<Vec<_>>() {
-                self.visit_group(group, setup, Way::Computed, 0, scan);
-                self.by_another_name.push(group);
-            }
-            scan.visits.truncate(before);
-            self.computed(name, scan);
-            if seen.len() > MOST_NAMES {
-                return Some(false);
-            }
-            self.sources(name, setup, scan, seen);
-            return Some(true);
-        }
-        self.computed(name, scan);
-        let from = self.origins.get(&name).cloned().unwrap_or_default();
-        if from.is_empty() || seen.len() > MOST_NAMES {
-            return Some(false);
-        }
-        let own = seen.len();
-        seen.push((name, false));
-        let mut known = None;
-        for origin in &from {
-            let Origin::Name { name: other, .. } = origin else {
-                known = Some(true);
-                continue;
-            };
-            let found = match seen.iter().find(|(n, _)| n == other) {
-                Some((_, settled)) => settled.then_some(true),
-                None => self.origin(*other, setup, scan, seen),
-            };
-            if found == Some(false) {
-                return found;
-            }
-            known = known.or(found);
-        }
-        if let Some(own) = seen.get_mut(own) {
-            own.1 = known.is_some();
-        }
-        known
-    }
-
-    /// Lists, once, where a target that has numbers is set from what has none; what is set from itself is relative to it.
-    fn sources(&mut self, name: u64, setup: u32, scan: &mut Scan, seen: &mut Vec<(u64, bool)>) {
-        if !self.followed_on.insert((name, setup)) {
-            return;
-        }
-        let before = seen.len();
-        seen.push((name, true));
-        for origin in self.origins.get(&name).cloned().unwrap_or_default() {
-            let Origin::Name { name: other, at } = origin else { continue };
-            let is_known = other == name || self.origin(other, setup, scan, seen) == Some(true);
-            if !self.listed_at.insert(at) {
-                continue;
-            }
-            if is_known {
-                scan.relative.push(at);
-            } else {
-                let what = "a place to which the arm moves is set here from data that the files do not give as numbers";
-                scan.problem(at as usize, what);
-            }
-        }
-        seen.truncate(before);
-    }
-
-    /// Lists, once, where a name to which the arm moves is calculated.
-    fn computed(&mut self, name: u64, scan: &mut Scan) {
-        if !self.settled.insert(name) {
-            return;
-        }
-        for origin in self.origins.get(&name).into_iter().flatten() {
-            let (at, what) = match origin {
-                Origin::Computed(at) => {
-                    (at, "a place to which the arm moves is calculated here while the program runs")
-                }
-                Origin::Around(at) => {
-                    (at, "is called from a module beside the program that changes a target to which the arm moves")
-                }
-                Origin::Perhaps(at) => (
-                    at,
-                    "calls a routine that is in none of the files read and may change a global target to which the arm moves",
-                ),
-                _ => continue,
-            };
-            if self.listed_at.insert(*at) {
-                scan.problem(*at as usize, what);
             }
         }
     }
@@ -572,6 +586,10 @@ impl Names {
 
     fn visit_group(&mut self, group: u32, setup: u32, way: Way, at: u32, scan: &mut Scan) {
         let Some(g) = self.groups.get_mut(group as usize) else { return };
+        if g.count == 0 {
+            scan.visits.extend((!matches!(way, Way::Said)).then_some(Visit::Unknown));
+            return;
+        }
         let all = g.first..g.first + g.count;
         let fresh = g.used.is_none();
         let one = match way {
@@ -586,6 +604,9 @@ impl Names {
             None => all.clone().for_each(|spot| scan.assign(spot, setup)),
         }
         g.used = Some(setup);
+        if !matches!(way, Way::Said) {
+            self.use_targets(one.map_or(all.clone(), |spot| spot..spot + 1));
+        }
         match (way, one) {
             (Way::Said, _) => {}
             (Way::Near(shift, in_tool), Some(spot)) => scan.visits.push(Visit::Near { spot, shift, in_tool, at }),

@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use trical_model::error::Lines;
 use trical_model::{Joints, Pose};
 
+use crate::branch::Configuration;
 use crate::compensation::Done;
 use crate::dialects::Dialect;
 use crate::frames::AT;
@@ -247,6 +248,9 @@ impl Report {
     }
 }
 
+/// Of KUKA's status: the point was taught on an absolutely accurate robot.
+const ABSOLUTE: u16 = 16;
+
 /// Counts while targets are rewritten.
 pub(crate) struct Tally<'a> {
     scan: &'a Scan,
@@ -331,6 +335,61 @@ impl<'a> Tally<'a> {
         (!all.is_empty()).then(|| {
             format!("calls routines that are in none of the files read: {all}; they are taken to leave tools, frames and targets that they are not given as they are")
         })
+    }
+
+    /// Motions to the cell's home, in one sentence.
+    pub fn homes(&mut self) -> Option<String> {
+        let scan = self.scan;
+        let all = listed(scan.homes.iter().map(|(at, name)| format!("{name} (line {})", self.line(*at).1)));
+        (!all.is_empty()).then(|| {
+            format!("goes to a home that belongs to all programs of the controller: {all}; it stays as it is, and is not corrected")
+        })
+    }
+
+    /// Points that were taught with the controller's own calibration, in one sentence.
+    pub fn absolutely_accurate(&mut self) -> Option<String> {
+        let scan = self.scan;
+        let is_one = |s: &&Spot| matches!(s.configuration, Configuration::Kuka { s: Some(s), .. } if s & ABSOLUTE != 0);
+        let all: Vec<&Spot> = scan.spots.iter().filter(is_one).collect();
+        let line = self.line(scan.at(all.first()?)).1;
+        Some(format!(
+            "{} of {} targets were taught on an absolutely accurate robot (bit 4 of S, the first in line {line}): if the controller's own calibration is \
+             switched on, it corrects the arm too, and both together make it worse",
+            all.len(),
+            scan.spots.len()
+        ))
+    }
+
+    /// Targets of routines of which nothing says with which tool and base they are called, in one sentence.
+    pub fn unsaid(&mut self) -> Option<String> {
+        let scan = self.scan;
+        let says = |s: &Spot| s.setup.and_then(|k| scan.setups.get(k as usize)).is_some_and(|s| *s != Setup::default());
+        let all: Vec<&Spot> = scan.spots.iter().filter(|s| !s.shape.is_joints() && !says(s)).collect();
+        let line = self.line(scan.at(all.first().filter(|_| !scan.routines.is_empty())?)).1;
+        Some(format!(
+            "nothing in the files read sets a tool or a base for {} of {} targets (the first in line {line}), and what calls the program may do so: the \
+             cell's tool in the robot's base is taken (--tool and --frame say others)",
+            all.len(),
+            scan.spots.len()
+        ))
+    }
+
+    /// Targets that nothing uses, in one sentence.
+    pub fn unused(&mut self) -> Option<String> {
+        let scan = self.scan;
+        let mut places: Vec<String> = Vec::new();
+        for (at, name) in &scan.unused {
+            let (file, line) = self.line(*at);
+            let name = String::from_utf8_lossy(name.text(self.bytes)).into_owned();
+            let place = Problem { file, line, name, what: String::new() }.place();
+            if places.last() != Some(&place) {
+                places.push(place);
+            }
+        }
+        let (n, all) = (scan.unused.len(), listed(places.into_iter()));
+        let (targets, stay, their) =
+            if n == 1 { ("target", "stays as it is", "its") } else { ("targets", "stay as they are", "their") };
+        (n > 0).then(|| format!("{n} {targets} {stay}, because nothing in the files read uses {their} numbers: {all}"))
     }
 
     pub fn take(&mut self, spot: &Spot, done: Result<Done, String>) {

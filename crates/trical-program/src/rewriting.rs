@@ -91,9 +91,13 @@ pub fn compensate(
     let mut tally = writer.finish(&all, &shifted)?;
     scan.relative.iter().take(MOST_RELATIVE).for_each(|at| tally.relative(*at, None));
     let called_elsewhere = tally.called_elsewhere();
+    let may_be_called = dialect == Dialect::Krl && options.tool.is_none() && options.frame.is_none();
+    let unsaid = if may_be_called { tally.unsaid() } else { None };
+    let others = [unsaid, tally.homes(), tally.absolutely_accurate(), tally.unused()];
     let sags = options.payload_kg.is_none() && model.terms.iter().any(by_gravity);
     let loads = if sags { tally.loads() } else { None };
     let mut report = tally.report();
+    report.cautions.extend(others.into_iter().flatten());
     report.cautions.extend(called_elsewhere);
     report.cautions.extend(loads);
     report.cautions.extend(if sags { weightless(&scan, &known, nominal) } else { None });

@@ -19,6 +19,8 @@ pub struct Spot {
     first: u32,
     /// How many; those of a configuration stand behind the others.
     count: u8,
+    /// Where it begins in the file.
+    at: u32,
     /// What they say.
     pub shape: Shape,
     /// The configuration that the text demands.
@@ -152,11 +154,15 @@ pub struct Scan {
     spans: Vec<Span>,
     /// Values of numbers that are written as expressions, by their offset.
     expressions: HashMap<u32, f64>,
+    /// Names that stand in targets in the place of numbers, by the first of the target's numbers in `spans`.
+    named_parts: HashMap<u32, Vec<(Span, Vec<Span>)>>,
     /// Tools and frames that targets are used with.
     pub setups: Vec<Setup>,
     setup_indices: HashMap<Setup, u32>,
     /// What each routine, by its hashed name, leaves set.
     pub routines: HashMap<u64, Setup>,
+    /// What is set where each routine, by its hashed name, is called.
+    pub called_with: HashMap<u64, Setup>,
     /// Calls of routines that are in no file that was read.
     pub calls: Vec<Call>,
     /// What called routines of other files do, and where they are called.
@@ -177,6 +183,10 @@ pub struct Scan {
     pub frames: Frames,
     /// Motions whose target cannot be rewritten, and places where one stands: offset and reason.
     pub problems: Vec<(usize, String)>,
+    /// Motions to a home that belongs to all programs: offset and name.
+    pub homes: Vec<(usize, String)>,
+    /// Targets that stay as they are because nothing uses their numbers: offset and name.
+    pub unused: Vec<(usize, Span)>,
     /// Whether the program switches the controller's check of configurations off.
     pub configuration_off: bool,
 }
@@ -211,7 +221,7 @@ impl Scan {
     /// Where a target begins in the file.
     #[must_use]
     pub fn at(&self, spot: &Spot) -> usize {
-        self.spans(spot).first().map_or(0, |s| s.at as usize)
+        spot.at as usize
     }
 
     /// Adds a target; numbers of its configuration stand behind the others.
@@ -222,6 +232,7 @@ impl Scan {
         self.spots.push(Spot {
             first,
             count,
+            at: spans.first().map_or(0, |s| s.at),
             shape,
             configuration,
             setup: None,
@@ -230,6 +241,19 @@ impl Scan {
             external: External::None,
         });
         (self.spots.len() - 1) as u32
+    }
+
+    /// The newest target has the data of these names (the spans) for some of its numbers; it begins at `at`.
+    pub fn named_parts(&mut self, at: u32, parts: Vec<(Span, Vec<Span>)>) {
+        if let Some(spot) = self.spots.last_mut() {
+            spot.at = at;
+            self.named_parts.insert(spot.first, parts);
+        }
+    }
+
+    /// Names in a target, each with its numbers where the program declares it.
+    pub fn parts_of(&self, spot: &Spot) -> impl Iterator<Item = &(Span, Vec<Span>)> {
+        self.named_parts.get(&spot.first).into_iter().flatten()
     }
 
     /// Where the newest target asks external axes to be, the first of them first.

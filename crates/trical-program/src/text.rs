@@ -36,7 +36,7 @@ impl Span {
 #[must_use]
 pub fn number(text: &[u8]) -> Option<f64> {
     if let Some(radix) = radix(text) {
-        let digits = std::str::from_utf8(text[2..].strip_suffix(b"'")?).ok()?;
+        let digits = std::str::from_utf8(text[2..].strip_suffix(b"'")?.trim_ascii()).ok()?;
         return u32::from_str_radix(digits, radix).ok().map(f64::from);
     }
     // "inf" and "nan" are names here

@@ -144,7 +144,22 @@ impl Compensator<'_> {
                     .filter_map(|(n, span)| Some((*span, written_whole((*n)?, span.text(self.bytes))))),
             );
         }
-        (edits, read_back)
+        (self.in_place(spot, edits), read_back)
+    }
+
+    /// New numbers of data that have a name are written in the place of the name: others may use these data too.
+    fn in_place(&self, spot: &Spot, mut edits: Vec<(Span, String)>) -> Vec<(Span, String)> {
+        for (name, numbers) in self.scan.parts_of(spot) {
+            let text = |number: &Span| match edits.iter().find(|(span, _)| span == number) {
+                Some((_, new)) => new.clone(),
+                None => String::from_utf8_lossy(number.text(self.bytes)).into_owned(),
+            };
+            let whole = format!("[{}]", numbers.iter().map(text).collect::<Vec<_>>().join(","));
+            let all = edits.len();
+            edits.retain(|(span, _)| !numbers.contains(span));
+            edits.extend((edits.len() < all).then_some((*name, whole)));
+        }
+        edits
     }
 }
 

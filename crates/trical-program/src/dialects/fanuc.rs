@@ -60,6 +60,7 @@ pub fn scan(bytes: &[u8]) -> Scan {
     // nothing begins a comment in /POS
     let mut c = Cursor::new(bytes, 0);
     c.at = positions;
+    let (mut all, mut unread) = (Vec::new(), Vec::new());
     while !c.done() {
         c.skip_space();
         if c.peek() == b'/' {
@@ -67,12 +68,17 @@ pub fn scan(bytes: &[u8]) -> Scan {
         }
         let from = c.at;
         if c.word() == b"P" && c.peek() == b'[' {
-            position(&mut c, from, &active, &mut scan, &mut names);
+            let Some((name, problem)) = position(&mut c, from, &active, &mut scan, &mut names) else { continue };
+            all.push(name);
+            unread.extend(problem.map(|what| (name, from, what)));
         } else {
             c.skip_line();
         }
     }
-    motions(bytes, main, positions, &mut scan, &mut names);
+    motions(bytes, main, positions, &mut scan, &mut names, &all);
+    for (_, at, what) in unread.into_iter().filter(|(name, ..)| names.is_read(*name)) {
+        scan.problem(at, what);
+    }
     names.resolve(&mut scan, bytes, &|name| {
         if name.eq_ignore_ascii_case(b"PR") {
             "goes to a position register (PR), which the listing does not give as numbers".into()
@@ -217,16 +223,16 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// `P[1:"name"]{ ... };`
+/// `P[1:"name"]{ ... };`: its name, and what is wrong with it where it has no numbers.
 fn position(
     c: &mut Cursor<'_>,
     from: usize,
     active: &[Result<Option<String>, String>; 2],
     scan: &mut Scan,
     names: &mut Names,
-) {
+) -> Option<(u64, Option<String>)> {
     c.at += 1;
-    let Some(number) = c.number() else { return };
+    let number = c.number()?;
     while !c.done() && c.peek() != b'{' {
         if c.peek() == b'"' { c.skip_string() } else { c.at += 1 }
     }
@@ -244,10 +250,9 @@ fn position(
         let what = if found.untaught { "is not taught (***)" } else { "has no position of six numbers in GP1" };
         found.problem = Some(what.into());
     }
-    if let Some(what) = found.problem {
-        scan.problem(from, what);
+    if found.problem.is_some() {
         names.listed(hash);
-        return;
+        return Some((hash, found.problem));
     }
     let spot = match pose {
         Some(mut numbers) => {
@@ -261,6 +266,7 @@ fn position(
     let setup = scan.setup(setup);
     scan.assign(spot, setup);
     names.define(hash, spot as usize, spot as usize + 1);
+    Some((hash, None))
 }
 
 /// The turn numbers in `'N U T, 0, 0, 0'`, which stands from `at` to the cursor.
@@ -364,8 +370,8 @@ fn continued(bytes: &[u8], from: usize, mut at: usize, end: usize) -> usize {
 /// Tools and user frames of the controller, by their names in a program and as system variables.
 const FRAME_TABLES: [&[u8]; 4] = [b"UTOOL[", b"UFRAME[", b"$MNUTOOL[", b"$MNUFRAME["];
 
-/// Which positions the lines of `/MN` (`main..end`) go to, one after the other, and where registers come from.
-fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut Names) {
+/// Which of the `positions` the lines of `/MN` (`main..end`) go to, one after the other, and where registers come from.
+fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut Names, positions: &[u64]) {
     let (mut at, mut whole) = (main, main);
     for line in bytes[main..end].split_inclusive(|b| *b == b'\n') {
         let begin = at;
@@ -383,6 +389,13 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
         let upper = bytes[offset..whole].to_ascii_uppercase();
         fork(&upper).into_iter().for_each(|fork| names.fork(fork));
         let all = places(&upper);
+        for (_, _, digits) in all.iter().filter(|(_, is_register, _)| !is_register) {
+            match digits.is_empty() {
+                // `P[R[1]]` may be any
+                true => positions.iter().for_each(|name| names.read(*name)),
+                false => names.read(hashed(digits)),
+            }
+        }
         if upper.contains(&b'=') && FRAME_TABLES.iter().any(|table| upper.starts_with(table)) {
             scan.problem(offset, changed_here("a tool or user frame"));
         } else if let Some(equals) = assigned(&upper)
@@ -427,9 +440,11 @@ fn fork(upper: &[u8]) -> Option<Fork> {
 
 /// Whether a statement moves the arm.
 fn moves(upper: &[u8]) -> bool {
-    matches!(upper.first(), Some(b'J' | b'L' | b'C' | b'S' | b'A'))
-        && !upper.get(1).is_some_and(u8::is_ascii_alphanumeric)
-        || matches!(upper.get(..2), Some(b"P[" | b"PR"))
+    let is_letter = matches!(upper.first(), Some(b'J' | b'L' | b'C' | b'S' | b'A'))
+        && !upper.get(1).is_some_and(u8::is_ascii_alphanumeric);
+    // `A[1]=AN` of a German listing sets an output
+    let is_indexed = upper.get(1..).is_some_and(|rest| rest.trim_ascii_start().starts_with(b"["));
+    is_letter && !is_indexed || matches!(upper.get(..2), Some(b"P[" | b"PR"))
 }
 
 /// What moves motion group 1 in a statement that moves several (`GP1 J P[1] 100% FINE`, in lines of its own), and its offset.

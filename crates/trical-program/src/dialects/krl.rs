@@ -10,13 +10,13 @@ mod outside;
 mod setup;
 mod targets;
 
-pub use outside::{displaces, sets};
+pub use outside::{displaces, global_frames, sets, values};
 
 use std::collections::HashMap;
 
 use nalgebra::Vector3;
-use trical_model::Pose;
 use trical_model::pose::rotation_zyx;
+use trical_model::{Joints, Pose};
 
 use crate::branch::Configuration;
 use crate::elsewhere::Elsewhere;
@@ -31,7 +31,10 @@ use crate::text::{Cursor, Span, begins_line, is_one_of, lower, mentions};
 use arguments::Routines;
 use targets::Named;
 
-const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"A", b"B", b"C"];
+/// The places of a cell's home, which belong to all programs.
+const HOMES: [&[u8]; 7] = [b"XHOME", b"XHOME1", b"XHOME2", b"XHOME3", b"XHOME4", b"XHOME5", b"$H_POS"];
+/// The numbers of a pose.
+pub const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"A", b"B", b"C"];
 const AXES: [&[u8]; 6] = [b"A1", b"A2", b"A3", b"A4", b"A5", b"A6"];
 const EXTERNAL: [&[u8]; 6] = [b"E1", b"E2", b"E3", b"E4", b"E5", b"E6"];
 /// Status and turn of a pose, tool and base of motion data.
@@ -98,9 +101,10 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
         let mut reader = Reader {
             c: Cursor::new(bytes, b';'),
             scan: Scan::default(),
-            names: Names::default(),
+            names: Names::in_text(b';'),
             named: &named,
             routines: &routines,
+            elsewhere,
             constants: Constants::with_integers(),
             now: Setup::default(),
             spline: None,
@@ -135,18 +139,41 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
 /// The GLOBAL routines of a file, by their hashed names.
 #[must_use]
 pub fn globals(bytes: &[u8]) -> Vec<u64> {
-    let mut found = Vec::new();
-    for line in bytes.split(|b| *b == b'\n') {
+    routines(bytes).filter(|(_, is_global)| *is_global).map(|(name, _)| name).collect()
+}
+
+/// The routines of a file that others may call: its first, and the GLOBAL ones.
+#[must_use]
+pub fn callable(bytes: &[u8]) -> Vec<u64> {
+    routines(bytes).enumerate().filter(|(k, (_, is_global))| *k == 0 || *is_global).map(|(_, (name, _))| name).collect()
+}
+
+/// The routines of a file, and which are GLOBAL.
+fn routines(bytes: &[u8]) -> impl Iterator<Item = (u64, bool)> {
+    bytes.split(|b| *b == b'\n').filter_map(|line| {
         let mut c = Cursor::new(line, b';');
         c.skip_blank();
-        if c.word().eq_ignore_ascii_case(b"GLOBAL") {
+        let mut word = c.word();
+        let is_global = word.eq_ignore_ascii_case(b"GLOBAL");
+        if is_global {
             c.skip_blank();
-            if is_one_of(c.word(), &[b"DEF", b"DEFFCT"]) {
-                found.push(before_bracket(&mut c));
-            }
+            word = c.word();
+        }
+        is_one_of(word, &[b"DEF", b"DEFFCT"]).then(|| (before_bracket(&mut c), is_global))
+    })
+}
+
+/// Whether one of these routines (hashed) may be called in a file.
+#[must_use]
+pub fn calls(bytes: &[u8], routines: &[u64]) -> bool {
+    let mut c = Cursor::new(bytes, b';');
+    while let Some((_, word)) = c.next_word() {
+        c.skip_blank();
+        if c.peek() == b'(' && routines.contains(&hashed(word)) {
+            return true;
         }
     }
-    found
+    false
 }
 
 /// Whether a name is the controller's own: its data are tools, bases, loads, work spaces, never targets.
@@ -186,6 +213,7 @@ struct Reader<'a> {
     names: Names,
     named: &'a Named,
     routines: &'a Routines,
+    elsewhere: &'a dyn Elsewhere,
     constants: Constants,
     /// Tool and base at this place of the program.
     now: Setup,
@@ -299,7 +327,9 @@ impl<'a> Reader<'a> {
         } else if is(&[b"RETURN"]) {
             flow.returns(now);
         } else if is(&[b"INTERRUPT"]) {
-            flow.interrupt(before_bracket(c));
+            let routine = before_bracket(c);
+            flow.interrupt(routine);
+            names.runs_at_any_time(routine);
         } else if is(&[b"LOOP", b"WHILE", b"FOR", b"REPEAT"]) {
             flow.repeat(from, now);
             names.fork(Fork::Repeats);
@@ -413,7 +443,7 @@ impl<'a> Reader<'a> {
             } else {
                 Origin::Name { name: self.key(source, from), at: from as u32 }
             };
-            self.names.set_from(self.key(word, from), origin);
+            self.names.set_here(self.key(word, from), index, origin);
         } else if is("FDAT_ACT") {
             let at = self.c.at;
             let name = self.c.word();
@@ -545,11 +575,31 @@ impl<'a> Reader<'a> {
         }
         if is_one_of(word, &HERE) {
             self.names.visit(Visit::Unknown);
+        } else if part == Part::Whole && is_one_of(word, &HOMES) && self.is_of_all_programs(word) {
+            self.goes_home(word, at);
         } else {
             let setup = self.moves();
             self.names.used(self.key(word, at), setup, way, at);
         }
         true
+    }
+
+    /// Whether the program has no data of this name itself.
+    fn is_of_all_programs(&self, word: &[u8]) -> bool {
+        let name = self.key(word, self.c.at);
+        name == hashed(word) && !self.names.defines(name) && self.names.set_at(name).is_none()
+    }
+
+    /// A motion to the cell's home, which stays as it is; the arm's posture behind it is known where the controller's files give it.
+    fn goes_home(&mut self, word: &[u8], at: usize) {
+        self.names.visit(Visit::Unknown);
+        if let Some(axes) = self.elsewhere.values(word, &AXES) {
+            let mut q = Joints::default();
+            q.iter_mut().zip(axes).for_each(|(to, deg)| *to = deg.to_radians());
+            self.names.visit(Visit::Like(self.scan.nearest.len() as u32));
+            self.scan.nearest.push(q);
+        }
+        self.scan.homes.push((at, lower(word)));
     }
 
     /// The setup of a motion here.

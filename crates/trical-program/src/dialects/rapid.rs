@@ -9,8 +9,9 @@ use trical_model::Pose;
 
 use super::rapid_frames::{declare, tool, work_object};
 use super::rapid_motions::is_motion;
+use super::rapid_parts::Piece;
 pub use super::rapid_reader::{Effects, Exports};
-use super::rapid_reader::{Element, Piece, Place, Reader, scoped};
+use super::rapid_reader::{Element, Place, Reader, scoped};
 use crate::branch::Configuration;
 use crate::elsewhere::{Elsewhere, Nowhere};
 use crate::frames::ToolFrame;
@@ -67,10 +68,12 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
     reader.predefined();
     reader.file();
     reader.predefined();
+    reader.names.end_of_file();
     reader.used_elsewhere();
     reader.changed_around();
     reader.changed_where_lent();
     reader.changed_frames();
+    reader.changed_parts();
     let Reader { mut scan, names, .. } = reader;
     names.resolve(&mut scan, bytes, &|name| {
         format!("goes to '{}', which this file does not give as numbers", String::from_utf8_lossy(name))
@@ -149,6 +152,15 @@ impl Reader<'_> {
             }
         }
         self.scan.problems.extend(told);
+    }
+
+    /// Lists parts of targets that routines of other modules change.
+    fn changed_parts(&mut self) {
+        let changed = |name: &String| {
+            let (at, how) = self.changed_elsewhere.get(&hashed(name.as_bytes()))?;
+            Some((*at, format!("'{name}', a part of targets, {how}; they are corrected for where it is declared")))
+        };
+        self.scan.problems.extend(self.used_parts.iter().filter_map(changed).collect::<Vec<_>>());
     }
 
     pub(super) fn note(&mut self, note: impl FnOnce(&mut Effects)) {
@@ -281,13 +293,16 @@ impl Reader<'_> {
             let name = hashed(name);
             self.heads.insert(name, from);
             self.names.routine(name);
+            if is(&[b"trap"]) {
+                self.names.runs_at_any_time(name);
+            }
             self.locals = self.routines.get(&name).into_iter().flatten().map(|p| (p.name, p.scoped)).collect();
         } else if is(&[b"endproc", b"endfunc", b"endtrap"]) {
             self.names.end(Some(Fork::Anywhere));
             self.within.clear();
             self.locals.clear();
         } else if is(&[b"error", b"undo", b"backward", b"callbyvar"]) && begins_line(self.c.bytes, from) {
-            self.names.fork(Fork::Anywhere);
+            self.names.handler();
         } else if is(&[b"for"]) {
             self.names.fork(Fork::Repeats);
             self.c.skip_space();
@@ -409,7 +424,10 @@ impl Reader<'_> {
                 return;
             }
             match self.source(from, source, b";{") {
-                Some(origin) => self.set_from(name, origin),
+                Some(origin) => {
+                    self.export_source(name, origin);
+                    self.names.set_here(name, part, origin);
+                }
                 None => self.c = start,
             }
         }
@@ -420,6 +438,7 @@ impl Reader<'_> {
         let at = from as u32;
         self.c.skip_space();
         match self.c.peek() {
+            b'(' if self.joints_of_place(word) => Some(Origin::Here),
             b'(' => Some(match self.relative(word) {
                 Place::Name { name, .. } => Origin::Name { name, at },
                 Place::Here => Origin::Here,
@@ -467,24 +486,27 @@ impl Reader<'_> {
     fn define(&mut self, name: Span, part: Part) {
         let (first, problems) = (self.scan.spots.len(), self.scan.problems.len());
         self.name = name;
+        self.placeholders = false;
         self.list(0);
         self.name = Span::default();
         let hash = self.key(name.text(self.c.bytes));
         let end = self.scan.spots.len();
-        let holds_names = self.arrays.contains(&hash) && self.elements.iter().any(|element| element.name.is_some());
-        if holds_names && end > first && part == Part::Whole {
+        let holds_others = self.placeholders || self.elements.iter().any(|element| element.name.is_some());
+        if self.arrays.contains(&hash) && holds_others && end > first && part == Part::Whole {
             self.define_elements(hash, first);
         } else {
             self.names.define_part(hash, part, first, end);
         }
         if self.scan.problems.len() > problems {
             self.names.listed(hash);
+        } else if self.placeholders {
+            self.unset.insert(hash);
         } else if end == first {
             self.names.set_from(hash, Origin::Computed(name.at));
         }
     }
 
-    /// An array with names of targets among its elements.
+    /// An array with names of targets, or with placeholders, among its elements.
     fn define_elements(&mut self, array: u64, mut first: usize) {
         for (k, element) in std::mem::take(&mut self.elements).into_iter().enumerate() {
             self.names.define_part(array, Part::Element(k), first, element.end);
@@ -540,6 +562,7 @@ impl Reader<'_> {
                 }
                 b';' => return None,
                 _ if self.c.done() => return None,
+                _ if self.named_part(pieces.get_mut(lists)) => lists += 1,
                 _ => {
                     let span = self.item().unwrap_or_else(|span| *name.insert(span));
                     if let Some(to) = spans.get_mut(numbers) {
@@ -554,10 +577,26 @@ impl Reader<'_> {
             }
         }
         if others == 0 && lists == 0 && numbers <= 6 {
-            return Some(Piece { count: numbers, spans, unread });
+            return Some(Piece { count: numbers, spans, unread, name: None });
         }
         let is_target = others == 0 && numbers == 0 && lists <= 4 && self.target(&pieces[..lists]);
         Some(Piece { unread: unread.filter(|_| !is_target), ..Piece::default() })
+    }
+
+    /// The name of a part of a target that stands in a list by itself; the part is kept in `to`.
+    fn named_part(&mut self, to: Option<&mut Piece>) -> bool {
+        let mut c = self.c;
+        let name = c.word();
+        let end = c.at;
+        c.skip_space();
+        let known = self.parts.get(&hashed(name)).filter(|_| matches!(c.peek(), b',' | b']'));
+        let (Some(known), Some(to)) = (known, to) else { return false };
+        *to = Piece { name: Some(Span::new(self.c.at, end)), ..*known };
+        if !self.used_parts.contains(&lower(name)) {
+            self.used_parts.push(lower(name));
+        }
+        self.c.at = end;
+        true
     }
 
     /// A number of a list, plain or calculated; `Err` is where something stands that has no value.
@@ -592,6 +631,15 @@ impl Reader<'_> {
             self.scan.unread(span, bytes);
             return true;
         }
+        let is_zero = |s: &Span| self.scan.value(*s, bytes) == Some(0.0);
+        if let ([_, q, _, _], true) = (pieces, self.name.len > 0)
+            && q.numbers().iter().all(is_zero)
+        {
+            // no orientation at all: the arm goes there only if it is set before
+            self.scan.unused.push((p.spans[0].at as usize, self.name));
+            self.placeholders = true;
+            return true;
+        }
         if let [_, q, cf, _] = pieces {
             let demanded = cf.spans.map(|s| self.scan.value(s, bytes).filter(|v| v.abs() < 1000.0).map(|v| v as i16));
             let configuration = match demanded {
@@ -603,6 +651,10 @@ impl Reader<'_> {
             self.scan.push(Shape::Quaternion, &spans, configuration, self.name);
         } else {
             self.scan.push(Shape::JointsDeg, &p.spans, Configuration::Free, self.name);
+        }
+        let named: Vec<_> = pieces.iter().filter_map(|p| Some((p.name?, p.numbers().to_vec()))).collect();
+        if !named.is_empty() {
+            self.scan.named_parts(p.name.unwrap_or(p.spans[0]).at, named);
         }
         let values = external.spans.map(|s| self.scan.value(s, bytes).filter(|v| v.abs() < NO_AXIS));
         self.scan.external_axes(&values);

@@ -4,7 +4,8 @@ use nalgebra::Vector3;
 
 use super::rapid_reader::{Place, Reader};
 use crate::elsewhere::Goes;
-use crate::names::Way;
+use crate::names::{Origin, Way};
+use crate::reaching::Part;
 use crate::scan::{Setup, Visit};
 use crate::text::{Span, is_one_of, lower};
 
@@ -86,14 +87,83 @@ impl<'a> Reader<'a> {
         tool.iter().for_each(|tool| self.part_of_record(true, tool));
         let frame = arguments.frame.unwrap_or_else(|| "wobj0".into());
         let with = Setup { tool, frame: Some(frame) };
-        if let Some(exports) = &mut self.exports {
-            let names = arguments.places.iter().filter_map(Place::name);
-            exports.goes.extend(names.map(|name| (name, Goes { setup: with.clone(), unread: None })));
-        }
-        let setup = self.scan.setup(with);
-        for place in &arguments.places {
+        // a signal, and what the search is to find, stand before where it goes
+        let (found, places) = match arguments.places.get(..2) {
+            Some([_, found]) if arguments.search => (Some(found), &arguments.places[2..]),
+            _ => (None, &arguments.places[..]),
+        };
+        let setup = self.setup_of(with, places);
+        for place in places {
             self.goes(place, setup);
         }
+        if let Some(Place::Name { name, way, .. }) = found {
+            let part = match way {
+                Way::Element(k) => Part::Element(*k),
+                _ if self.arrays.contains(name) => Part::Indexed,
+                _ => Part::Whole,
+            };
+            self.names.set_here(*name, part, Origin::Here);
+        }
+    }
+
+    /// The setup with which the arm goes to these places; other modules are told of it.
+    fn setup_of(&mut self, with: Setup, places: &[Place]) -> u32 {
+        if let Some(exports) = &mut self.exports {
+            let names = places.iter().filter_map(Place::name);
+            exports.goes.extend(names.map(|name| (name, Goes { setup: with.clone(), unread: None })));
+        }
+        self.scan.setup(with)
+    }
+
+    /// `CalcJointT(p,tool\WObj:=frame)`, from the parenthesis on: the place of which it says the joints, and with what. What is not
+    /// understood is not passed.
+    fn joints_of(&mut self) -> Option<(Place, u32)> {
+        let start = self.c;
+        let found = self.place_and_setup();
+        if found.is_none() {
+            self.c = start;
+        }
+        found
+    }
+
+    fn place_and_setup(&mut self) -> Option<(Place, u32)> {
+        self.c.at += 1;
+        while self.c.eat(b'\\') {
+            self.c.word();
+            self.c.eat(b',');
+        }
+        let place = self.place()?;
+        self.c.eat(b',').then_some(())?;
+        self.c.skip_space();
+        let tool = self.whole_name();
+        let (tool, mut frame) = (self.frame_name(tool), "wobj0".to_owned());
+        self.part_of_record(true, &tool);
+        while self.c.eat(b'\\') {
+            let is_frame = self.c.word().eq_ignore_ascii_case(b"wobj");
+            self.gives().then_some(())?;
+            self.c.skip_space();
+            let value = self.whole_name();
+            if is_frame {
+                frame = self.frame_name(value);
+                self.part_of_record(false, &frame);
+            }
+        }
+        self.c.eat(b')').then_some(())?;
+        let with = Setup { tool: Some(tool).filter(|tool| !tool.is_empty()), frame: Some(frame) };
+        with.tool.as_ref()?;
+        let setup = self.setup_of(with, std::slice::from_ref(&place));
+        Some((place, setup))
+    }
+
+    /// Whether joints are set here from a place, by `CalcJointT(...)` from the parenthesis on: they follow what is written there.
+    pub(super) fn joints_of_place(&mut self, function: &[u8]) -> bool {
+        let found = function.eq_ignore_ascii_case(b"calcjointt").then(|| self.joints_of()).flatten();
+        match found {
+            Some((Place::Name { name, at, .. }, setup)) => self.names.used(name, setup, Way::Indexed, at),
+            Some((place, setup)) => self.goes(&place, setup),
+            None => return false,
+        }
+        true
     }
 
     /// A motion to a place.
@@ -241,16 +311,22 @@ impl<'a> Reader<'a> {
         self.not_the_tool(arguments);
         let at = self.c.at;
         let (first, problems) = (self.scan.spots.len() as u32, self.scan.problems.len());
-        let whole = self.list(0).is_some();
+        let list = self.list(0);
         let end = self.scan.spots.len() as u32;
         if end > first {
             arguments.places.push(Place::Spots(first, end));
         } else if self.scan.problems.len() > problems {
             arguments.places.push(Place::Here);
         } else if arguments.awaits_target() {
-            arguments.places.push(Place::Computed(at));
+            arguments.places.push(match list.as_ref().and_then(|list| list.unread) {
+                Some(item) => {
+                    self.scan.unread(item, self.c.bytes);
+                    Place::Here
+                }
+                None => Place::Computed(at),
+            });
         }
-        whole
+        list.is_some()
     }
 
     /// A name, an element of an array, what a function returns, or a number.
@@ -269,6 +345,14 @@ impl<'a> Reader<'a> {
         self.c.skip_space();
         let name = Span::new(from, from + word.len());
         match self.c.peek() {
+            b'(' if arguments.awaits_target()
+                && word.eq_ignore_ascii_case(b"calcjointt")
+                && let Some((place, setup)) = self.joints_of() =>
+            {
+                self.goes(&place, setup);
+                // which is where the motion goes
+                arguments.places.push(Place::Spots(0, 0));
+            }
             b'(' => match self.relative(word) {
                 // perhaps the tool, of which nobody knows which
                 Place::Computed(_) if !arguments.awaits_target() => {

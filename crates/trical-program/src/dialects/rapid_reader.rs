@@ -2,6 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
+use super::rapid_parts::{Piece, parts};
 use crate::elsewhere::{Elsewhere, Goes, Outside};
 use crate::expression::Constants;
 use crate::frames::Frames;
@@ -17,6 +18,8 @@ pub(super) struct Reader<'a> {
     pub(super) constants: Constants,
     /// Name of the data that is being read.
     pub(super) name: Span,
+    /// Whether some of these data are placeholders, without any orientation.
+    pub(super) placeholders: bool,
     /// Elements of the list that is being read.
     pub(super) elements: Vec<Element>,
     /// Conditions of an `IF` without `THEN` behind which the instruction stands that is being read.
@@ -33,6 +36,10 @@ pub(super) struct Reader<'a> {
     pub(super) arrays: HashSet<u64>,
     /// Arrays of what is no target.
     pub(super) tables: HashSet<u64>,
+    /// Positions, orientations, configurations and external axes of the module that nothing changes.
+    pub(super) parts: HashMap<u64, Piece>,
+    /// Those that stand in targets.
+    pub(super) used_parts: Vec<String>,
     pub(super) elsewhere: &'a dyn Elsewhere,
     /// What is given to routines that may change it.
     pub(super) lent: Vec<Lent>,
@@ -52,16 +59,6 @@ pub(super) struct Reader<'a> {
     pub(super) asked: HashMap<(bool, String), bool>,
     /// What the module has for others, where they want to know it.
     pub(super) exports: Option<Exports>,
-}
-
-/// A list as far as targets care.
-#[derive(Clone, Copy, Default)]
-pub(super) struct Piece {
-    /// How many numbers it is, at most six; none where it is anything else, of which targets were taken.
-    pub(super) count: usize,
-    pub(super) spans: [Span; 6],
-    /// What has no value in it and is no part of a target in it.
-    pub(super) unread: Option<Span>,
 }
 
 /// An element of a list.
@@ -100,9 +97,10 @@ impl<'a> Reader<'a> {
         Self {
             c: Cursor::new(bytes, b'!'),
             scan: Scan::default(),
-            names: Names::default(),
+            names: Names::in_text(b'!'),
             constants: Constants::with_degrees(),
             name: Span::default(),
+            placeholders: false,
             elements: Vec::new(),
             conditions: 0,
             routines,
@@ -111,6 +109,8 @@ impl<'a> Reader<'a> {
             unset: HashSet::new(),
             arrays: HashSet::new(),
             tables: HashSet::new(),
+            parts: parts(bytes),
+            used_parts: Vec::new(),
             elsewhere,
             lent: Vec::new(),
             changed_elsewhere: HashMap::new(),

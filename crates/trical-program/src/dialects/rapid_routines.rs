@@ -188,7 +188,13 @@ impl Reader<'_> {
                     );
                     self.scan.problem(from, what);
                 }
-                found.sets.iter().for_each(|name| self.names.set_from(*name, Origin::Computed(from as u32)));
+                let how = "is changed by a routine of another module, which is called here";
+                for name in &found.sets {
+                    self.names.set_from(*name, Origin::Computed(from as u32));
+                    if self.parts.contains_key(name) {
+                        self.changed_elsewhere.entry(*name).or_insert((from, how));
+                    }
+                }
             }
             None if first => self.scan.calls.push(Call { name: lower(word), at: from, is_statement: true }),
             None => {}
@@ -371,7 +377,7 @@ impl Reader<'_> {
     }
 
     /// The place at the cursor, where a name, a target that is written out or one that is shifted stands there.
-    fn place(&mut self) -> Option<Place> {
+    pub(super) fn place(&mut self) -> Option<Place> {
         self.c.skip_space();
         let at = self.c.at;
         if self.c.peek() == b'[' {
@@ -394,10 +400,14 @@ impl Reader<'_> {
 
     /// A name is set from something; other modules are told of it.
     pub(super) fn set_from(&mut self, name: u64, origin: Origin) {
+        self.export_source(name, origin);
+        self.names.set_from(name, origin);
+    }
+
+    pub(super) fn export_source(&mut self, name: u64, origin: Origin) {
         if let (Some(exports), Origin::Name { name: from, .. }) = (&mut self.exports, origin) {
             exports.given.insert((name, from));
         }
-        self.names.set_from(name, origin);
     }
 
     /// What a call gives as this argument.

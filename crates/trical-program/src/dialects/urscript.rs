@@ -63,7 +63,23 @@ const VALUES: [&[u8]; 20] = [
 ];
 const ASKS: [&[u8]; 7] = [b"get_", b"pose_", b"read_", b"is_", b"to_", b"rotvec2", b"rpy2"];
 /// Functions of the language that are given places and move nothing.
-const SHOW: [&[u8]; 5] = [b"textmsg", b"popup", b"socket_send_string", b"socket_send_line", b"set_pos"];
+const SHOW: [&[u8]; 15] = [
+    b"textmsg",
+    b"popup",
+    b"socket_send_string",
+    b"socket_send_line",
+    b"socket_send_int",
+    b"set_pos",
+    b"write_output_float_register",
+    b"write_output_integer_register",
+    b"write_output_boolean_register",
+    b"write_port_register",
+    b"modbus_set_output_register",
+    b"set_standard_analog_out",
+    b"set_gravity",
+    b"set_payload_cog",
+    b"sleep",
+];
 /// Functions behind which motions end elsewhere than they say.
 const DISPLACES: [&[u8]; 4] = [b"track_conveyor_linear", b"track_conveyor_circular", b"path_offset_set", b"force_mode"];
 /// Functions that move the arm to where the script does not say, or let a person or a force do so.
@@ -87,7 +103,7 @@ pub fn scan(bytes: &[u8]) -> Scan {
         let mut reader = Reader {
             c: Cursor::new(bytes, b'#'),
             scan: Scan::default(),
-            names: Names::default(),
+            names: Names::in_text(b'#'),
             constants: &constants,
             scopes: &scopes,
             moved_to: &moved_to,
@@ -213,6 +229,9 @@ impl<'a> Reader<'a> {
                 functions.insert(name);
                 flow.routine(name, now);
                 names.routine(name);
+                if word == b"thread" {
+                    names.runs_at_any_time(name);
+                }
                 self.defaults(name);
                 self.c.skip_line();
             }
@@ -339,9 +358,10 @@ impl<'a> Reader<'a> {
             let is_literal = matches!(self.literal(), Literal::Numbers(..) | Literal::Unread(_));
             let word = self.c.word();
             let name = self.key(word);
+            // an element of a pose is a number
+            let is_whole = self.c.peek() != b'[';
             found = is_literal
-                || self.moved_to.contains(&name)
-                || self.places.contains(&name)
+                || is_whole && (self.moved_to.contains(&name) || self.places.contains(&name))
                 || word.starts_with(b"pose_") && self.c.peek() == b'('
                 || KINEMATICS.contains(&word);
             self.c = argument;
@@ -376,6 +396,9 @@ impl<'a> Reader<'a> {
             }
             return self.element(element, hash);
         }
+        if is_target && self.list_of_places(Span::new(from, from + word.len())) {
+            return;
+        }
         let literal = self.literal();
         if !matches!(literal, Literal::None) {
             self.places.insert(hash);
@@ -390,6 +413,35 @@ impl<'a> Reader<'a> {
             Literal::None if is_target => self.placed(Span::new(from, from + word.len())),
             Literal::None => drop(self.values.insert(hash, None)),
         }
+    }
+
+    /// `[p[...],p[...]]` or `[[...],[...]]`, which becomes the list of this name; what is none is not passed.
+    fn list_of_places(&mut self, name: Span) -> bool {
+        let start = self.c;
+        let mut places = Vec::new();
+        if self.c.eat(b'[') {
+            while let Literal::Numbers(shape, spans) = self.literal() {
+                places.push((shape, spans));
+                if !self.c.eat(b',') {
+                    break;
+                }
+            }
+        }
+        let is_list = !places.is_empty() && self.c.eat(b']');
+        if !is_list {
+            self.c = start;
+            return false;
+        }
+        let first = self.scan.spots.len();
+        for (shape, spans) in places {
+            self.scan.push(shape, &spans, Configuration::Free, name);
+        }
+        let hash = self.key(name.text(self.c.bytes));
+        self.names.define(hash, first, self.scan.spots.len());
+        self.in_frames.remove(&hash);
+        self.near.remove(&hash);
+        self.values.insert(hash, None);
+        true
     }
 
     /// One of the numbers of a pose, or of joints, becomes what stands at the cursor; `index` is at its bracket.
@@ -451,6 +503,7 @@ impl<'a> Reader<'a> {
 
     fn set_tcp(&mut self, at: usize) {
         self.c.skip_space();
+        skip_name(&mut self.c);
         let (literal, name) = (self.literal(), self.c.word());
         let frame = self.pose(&literal, name).ok_or("its set_tcp is computed by the program".to_owned());
         let key = match &frame {

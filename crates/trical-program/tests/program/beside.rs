@@ -306,3 +306,136 @@ fn files_that_are_too_large_to_be_looked_through_are_named() {
     let report = job.run(&nominal, &real(&nominal), &options).unwrap();
     assert!(report.cautions.iter().any(|c| c.contains("huge.src") && c.contains("16 MiB")), "{:?}", report.cautions);
 }
+
+/// A KRL pose that the arm reaches.
+const PLACE: &str = "{X 450,Y 20,Z 430,A 10,B 80,C 5}";
+
+#[test]
+fn a_krl_routine_has_the_tool_and_base_that_its_callers_beside_set() {
+    let part = format!("DEF p()\nLIN {PLACE}\nEND\n");
+    let tools = "DEFDAT $CONFIG PUBLIC\nTOOL_DATA[2]={X 0,Y 0,Z 80,A 0,B 0,C 0}\nBASE_DATA[1]={X 5,Y 0,Z 0,A 0,B 0,C 0}\nENDDAT\n";
+    let main = |tool: &str| format!("DEF main()\n{tool}\nBAS(#BASE,1)\np()\nEND\n");
+    let with = |folder: &str, callers: &[(&str, &str)]| {
+        let mut files = vec![("p.src", part.as_str()), ("$config.dat", tools)];
+        files.extend(callers);
+        checked(folder, KR6, &files)
+    };
+    let by_number = with("called_by_number", &[("main.src", &main("BAS(#TOOL,2)"))]);
+    assert_eq!(by_number.setups, [("tool '2' in '1'".to_owned(), 1)], "{by_number:?}");
+    assert!(
+        names(&by_number.read_with).contains(&"main.src".into())
+            && !by_number.cautions.iter().any(|c| c.contains("may do so")),
+        "{by_number:?}"
+    );
+    let by_frame = with("called_with_a_frame", &[("main.src", &main("$TOOL={X 0,Y 0,Z 80,A 0,B 0,C 0}"))]);
+    assert!(by_frame.setups[0].0.contains("$tool of main.src") && by_frame.problems.is_empty(), "{by_frame:?}");
+    assert!((by_number.rows[0].moved - by_frame.rows[0].moved).abs() < 1e-12);
+    let data = "DEFDAT main\nDECL FRAME TIP={X 0,Y 0,Z 80,A 0,B 0,C 0}\nENDDAT\n";
+    let report = with("called_with_a_name", &[("main.src", &main("$TOOL=TIP")), ("main.dat", data)]);
+    assert!(report.setups[0].0.contains("tip of main.src") && report.problems.is_empty(), "{report:?}");
+    // one that sets nothing, and an earlier output, do not count
+    let silent = [
+        ("cell.src", "DEF cell()\np()\nEND\n"),
+        ("old.src", "; compensated by TriCal 0.1\nDEF old()\nBAS(#TOOL,3)\np()\nEND\n"),
+    ];
+    let (first, twice) = (main("BAS(#TOOL,2)"), main("BAS(#TOOL,0)"));
+    let report = with("called_silently", &[("main.src", &first), silent[0], silent[1]]);
+    assert_eq!(report.setups, by_number.setups, "{report:?}");
+    let report = with("called_differently", &[("main.src", &first), ("other.src", &twice)]);
+    assert!(report.problems[0].what.contains("not the same wherever the routine is called"), "{report:?}");
+    let alone = with("called_by_nobody", &[]);
+    assert!(alone.rewritten == 1 && alone.cautions[0].contains("may do so"), "{alone:?}");
+}
+
+#[test]
+fn frames_that_krl_programs_beside_declare_for_all_are_found() {
+    let main = format!("DEF main()\n$TOOL=DefTool\n$BASE=DefBase\nLIN {PLACE}\nEND\n");
+    let data = "DEFDAT prog_T PUBLIC\nDECL GLOBAL FRAME DefTool={FRAME: X 0,Y 0,Z 80,A 0,B 0,C 0}\nDECL FRAME DefBase={X 0,Y 0,Z 9,A 0,B 0,C 0}\nENDDAT\n";
+    let report = checked("global_frames", KR6, &[("main.src", &main), ("prog_T.dat", data)]);
+    assert_eq!(report.problems.len(), 1, "{report:?}");
+    assert!(report.problems[0].what.contains("'defbase' is not declared"), "{report:?}");
+    let report =
+        checked("global_frame", KR6, &[("main.src", &main.replace("DefBase", "$WORLD")), ("prog_T.dat", data)]);
+    assert_eq!((report.rewritten, names(&report.read_with)), (1, vec!["prog_T.dat".to_owned()]), "{report:?}");
+}
+
+#[test]
+fn the_foot_of_a_kuka_stands_where_its_machine_data_say() {
+    let main = format!("DEF p()\n$TOOL=$NULLFRAME\n$BASE=$WORLD\nLIN {PLACE}\nEND\n");
+    let root =
+        |z: &str| format!("DEFDAT $MACHINE PUBLIC\nFRAME $ROBROOT={{X 0.0,Y 0.0,Z {z},A 0.0,B 0.0,C 0.0}}\nENDDAT\n");
+    let run = |folder: &str, z: &str| {
+        checked(
+            folder,
+            KR6,
+            &[("R1/Program/p.src", &main), ("R1/Mada/$machine.dat", &root(z)), ("R1/System/$config.dat", "")],
+        )
+    };
+    let (low, high) = (run("foot", "0.0"), run("pedestal", "100.0"));
+    let apart = low.rows[0].wanted.translation - high.rows[0].wanted.translation;
+    assert!((apart.z - 0.1).abs() < 1e-9 && apart.xy().norm() < 1e-9, "{apart}");
+    assert!(names(&high.read_with).contains(&"$machine.dat".into()), "{high:?}");
+}
+
+#[test]
+fn behind_the_home_of_all_krl_programs_the_posture_is_the_one_that_the_controller_has() {
+    let main = format!("DEF p()\n$TOOL=$NULLFRAME\n$BASE=$WORLD\nPTP XHOME\nLIN {PLACE}\nEND\n");
+    let home = |a4: i32, a5: i32| {
+        format!(
+            "DEFDAT $CONFIG PUBLIC\nDECL E6AXIS XHOME={{A1 0,A2 -90,A3 90,A4 {a4},A5 {a5},A6 {},E1 0}}\nENDDAT\n",
+            -a4
+        )
+    };
+    let run = |folder: &str, a4, a5| checked(folder, KR6, &[("p.src", &main), ("$config.dat", &home(a4, a5))]);
+    let (up, over) = (run("home", 0, -40), run("home_turned", 180, 40));
+    assert!(up.problems.is_empty() && up.cautions.iter().any(|c| c.contains("xhome (line 4)")), "{up:?}");
+    assert!(up.rows[0].joints[4] < 0.0 && over.rows[0].joints[4] > 0.0, "{:?} {:?}", up.rows, over.rows);
+    assert!(!up.cautions.iter().any(|c| c.contains("nothing says in which configuration")), "{up:?}");
+}
+
+#[test]
+fn points_of_an_absolutely_accurate_robot_are_told_once() {
+    let point = |k: u32, s: u32| format!("DECL E6POS XP{k}={{X 450,Y 20,Z 430,A 10,B 80,C 5,S {s}}}\n");
+    let text = format!(
+        "{}{}{}DEF p()\n$TOOL=$NULLFRAME\nPTP XP1\nLIN XP2\nLIN XP3\nEND\n",
+        point(1, 2),
+        point(2, 18),
+        point(3, 18)
+    );
+    let report = checked("accurate", KR6, &[("p.src", &text)]);
+    let told: Vec<&String> = report.cautions.iter().filter(|c| c.contains("absolutely accurate")).collect();
+    assert!(told.len() == 1 && told[0].starts_with("2 of 3 targets") && told[0].contains("line 2"), "{report:?}");
+}
+
+#[test]
+fn parts_of_targets_that_a_module_beside_changes_are_listed() {
+    let main = "MODULE Main\nPERS confdata conf:=[0,0,0,0];\nPROC main()\nTurn;\nMoveL [[350,50,320],[0,0.6,0.8,0],conf,[9E9,9E9,9E9,9E9,9E9,9E9]],v1,fine,tool0;\nENDPROC\nENDMODULE\n";
+    let other = "MODULE Other\nPROC Turn()\nconf.cf6:=1;\nENDPROC\nENDMODULE\n";
+    let report = checked("part_changed", IRB, &[("Main.mod", main), ("Other.mod", other)]);
+    assert!(
+        report.problems.len() == 1 && report.problems[0].what.contains("'conf', a part of targets, is changed"),
+        "{report:?}"
+    );
+    let report =
+        checked("part", IRB, &[("Main.mod", main), ("Other.mod", "MODULE Other\nPROC Turn()\nENDPROC\nENDMODULE\n")]);
+    assert_eq!((report.rewritten, report.problems.len()), (1, 0), "{report:?}");
+}
+
+#[test]
+fn targets_that_nothing_uses_are_told_in_one_sentence() {
+    let main = "MODULE Main\nCONST robtarget p:=TARGET;\nCONST robtarget q:=TARGET;\nPERS robtarget w{2}:=[TARGET,TARGET];\nPROC main()\nMoveL p,v1,fine,tool0;\nENDPROC\nENDMODULE\n";
+    let report = checked("unused", IRB, &[("Main.mod", main)]);
+    assert_eq!((report.rewritten, report.problems.len()), (1, 0), "{report:?}");
+    assert_eq!(
+        report.cautions[0],
+        "3 targets stay as they are, because nothing in the files read uses their numbers: line 3 (q), line 4 (w)"
+    );
+    // a module beside goes there
+    let other = "MODULE Other\nPROC Go()\nMoveL q,v1,fine,tool0;\nMoveL w{1},v1,fine,tool0;\nENDPROC\nENDMODULE\n";
+    let report = checked("used_beside", IRB, &[("Main.mod", main), ("Other.mod", other)]);
+    assert_eq!(
+        (report.rewritten, report.cautions.iter().filter(|c| c.contains("uses their")).count()),
+        (4, 0),
+        "{report:?}"
+    );
+}

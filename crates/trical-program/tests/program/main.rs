@@ -494,7 +494,10 @@ fn a_turn_that_a_fanuc_demands_does_not_speak_for_the_other_side_of_the_arm() {
 fn targets_that_no_motion_names_need_a_tool_where_there_are_several() {
     let tools = "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget a:=TARGET;\nCONST robtarget b:=TARGET;\nCONST robtarget c:=TARGET;\nMoveL a,v1,fine,t;\n";
     assert!(problems(tools).is_empty());
-    let found = problems(&format!("{tools}MoveL b,v1,fine,tool0;"));
+    let several = format!("{tools}MoveL b,v1,fine,tool0;\n");
+    // c is used by nothing
+    assert!(problems(&several).is_empty());
+    let found = problems(&format!("{several}x:=Height(c);\n"));
     assert!(found.len() == 1 && found[0].contains("line 4 (c)") && found[0].contains("--tool"), "{found:?}");
 }
 

@@ -25,6 +25,35 @@ fn declared(line: &[u8]) -> (Vec<u64>, bool) {
     (names, is_global)
 }
 
+/// Six numbers that a file gives for a name, by the names of the numbers: `XHOME={A1 0,A2 -90,...}`.
+#[must_use]
+pub fn values(bytes: &[u8], name: &[u8], fields: &[&[u8]; 6]) -> Option<[f64; 6]> {
+    let mut c = Cursor::new(bytes, b';');
+    while let Some((_, word)) = c.next_word() {
+        if !word.eq_ignore_ascii_case(name) || !c.eat_in_line(b'=') || c.peek() != b'{' {
+            continue;
+        }
+        let mut inside = Cursor::new(c.until(b"}\n\r"), b';');
+        let mut found = [None; 6];
+        while let Some((_, field)) = inside.next_word() {
+            inside.skip_blank();
+            let number = inside.number().and_then(|n| n.value(inside.bytes));
+            for (to, _) in found.iter_mut().zip(fields).filter(|(_, name)| field.eq_ignore_ascii_case(name)) {
+                *to = number;
+            }
+        }
+        let [Some(a), Some(b), Some(c), Some(d), Some(e), Some(f)] = found else { return None };
+        return Some([a, b, c, d, e, f]);
+    }
+    None
+}
+
+/// The frames that a file declares for all, by their hashed names.
+#[must_use]
+pub fn global_frames(bytes: &[u8]) -> HashSet<u64> {
+    lines(bytes).map(declared).filter(|(_, is_global)| *is_global).flat_map(|(names, _)| names).collect()
+}
+
 fn lines(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
     bytes.split(|b| *b == b'\n')
 }

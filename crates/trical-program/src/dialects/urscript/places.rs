@@ -8,6 +8,7 @@ use super::{DEEPEST, FORWARD, HERE, KINEMATICS, Literal, Reader};
 use crate::branch::Configuration;
 use crate::frames::AT;
 use crate::names::{Origin, Way};
+use crate::reaching::Part;
 use crate::scan::{Setup, Visit};
 use crate::text::{Span, lower};
 
@@ -68,7 +69,7 @@ impl Reader<'_> {
             self.scan.push(shape, &spans, Configuration::Free, name);
             self.names.define(hash, first, first + 1);
         } else {
-            self.names.set_from(hash, origin);
+            self.names.set_here(hash, Part::Whole, origin);
         }
         self.in_frames.remove(&hash);
         self.in_frames.extend(frame.map(|frame| (hash, frame)));
@@ -193,7 +194,7 @@ impl Reader<'_> {
                 self.scan.goes_to_calculated(at);
                 return true;
             }
-            let way = if self.c.peek() == b'[' { Way::Indexed } else { Way::To };
+            let way = self.index().map_or(Way::To, Way::Element);
             if let Some(near) = self.near.get(&name) {
                 self.names.visit(Visit::Like(*near));
             }
@@ -226,6 +227,13 @@ impl Reader<'_> {
         self.c = inside;
         self.close();
         true
+    }
+
+    /// The index of a list's element, where it is a number.
+    fn index(&self) -> Option<usize> {
+        let mut c = self.c;
+        let number = c.eat_in_line(b'[').then(|| c.number()).flatten()?;
+        number.value(c.bytes).filter(|k| *k >= 0.0 && c.peek() == b']').map(|k| k as usize)
     }
 
     /// The setup of a motion in a frame of the script, or in the base.

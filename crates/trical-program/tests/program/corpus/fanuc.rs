@@ -52,6 +52,24 @@ pub(super) const FANUC: &[Case] = &[
         &[],
     ),
     case(
+        "outputs of a German listing",
+        "/PROG A\n/MN\n   1:L P[1] 200mm/sek FEIN    ;\n   2:  A[23]=(AUS) ;\n   3:  A[26:x]=PULS,0.5sek ;\n   4:A P[2]\n    :  P[1] 200mm/sek FEIN ;\n   5:A PR[3] 200mm/sek FEIN ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0,\t\tKONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : 0, UT : 0,\t\tKONFIG : 'N U T, 0, 0, 0',\n\t@1\n};\n/END\n",
+        &[13, 18],
+        &[(8, "register")],
+    ),
+    case(
+        "positions that nothing uses",
+        "/PROG A\n/MN\n   1:L P[1] 200mm/sec FINE ;\n   2:PR[4]=P[2] ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@1\n};\nP[3]{\n GP1:\n\tUF : 0, UT : 7, CONFIG : 'N U T, 0, 0, 0',\n\tX = 0 mm, Y = 0 mm, Z = 0 mm,\n\tW = 0 deg, P = 0 deg, R = 0 deg\n};\nP[4]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\tX = ********  mm, Y = ********  mm, Z = ********  mm,\n\tW = ******** deg, P = ******** deg, R = ******** deg\n};\n/END\n",
+        &[9, 14],
+        &[],
+    ),
+    case(
+        "a position whose number a register gives: it may be any",
+        "/PROG A\n/MN\n   1:L P[R[1]] 200mm/sec FINE ;\n   2:L P[1] 200mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@1\n};\n/END\n",
+        &[9, 14],
+        &[],
+    ),
+    case(
         "a configuration that is not understood",
         "/PROG A\n/MN\n   1:L P[1] 200mm/sec FINE ;\n   2:L P[2] 200mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'Q W E, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
         &[14],

@@ -4,6 +4,72 @@ use super::{Case, case};
 
 pub(super) const RAPID: &[Case] = &[
     case(
+        "targets that nothing uses, and placeholders that are set before the arm goes there",
+        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget p:=@0;\nCONST robtarget pNull:=[[0,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\nPERS robtarget pUp:=[[0,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\nPERS robtarget pNow:=[[0,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\nPERS jointtarget j:=[[0,0,0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\nPROC main()\nMoveL p,v1,fine,tool0;\npUp:=Offs(p,0,0,100);\nMoveL pUp,v1,fine,tool0;\npNow:=CRobT();\nMoveL RelTool(pNow,0,0,-10),v1,fine,t;\nj:=CJointT();\nMoveAbsJ j,v1,fine,t;\nENDPROC\nENDMODULE\n",
+        &[2],
+        &[],
+    ),
+    case(
+        "a placeholder that may not be set before",
+        "PERS robtarget p:=@0;\nPERS robtarget pUp:=[[0,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\nPROC main()\nMoveL p,v1,fine,tool0;\nIF near THEN\npUp:=Offs(p,0,0,100);\nENDIF\nMoveL pUp,v1,fine,tool0;\nENDPROC\n",
+        &[1],
+        &[(2, "the program's own target")],
+    ),
+    case(
+        "an array that is filled up with places without orientation",
+        "PERS robtarget w{3}:=[@0,@1,[[0,0,0],[0,0,0,0],[0,0,0,0],[0,0,0,0,0,0]]];\nVAR robtarget p:=[[0,0,0],[0,0,0,0],[0,0,0,0],[0,0,0,0,0,0]];\nPROC main()\nFOR i FROM 1 TO 2 DO\nMoveL w{i},v1,fine,tool0;\nENDFOR\nMoveL w{3},v1,fine,tool0;\nMoveL p,v1,fine,tool0;\nENDPROC\n",
+        &[1, 1],
+        &[(7, "'w', which this file does not give"), (8, "'p', which this file does not give")],
+    ),
+    case(
+        "data without a motion",
+        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget p:=@0;\nCONST robtarget q:=@1;\n",
+        &[2, 3],
+        &[],
+    ),
+    case(
+        "one name for several places, each with its tool",
+        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget p:=@0;\nCONST robtarget q:=@1;\nVAR robtarget x;\nVAR robtarget y{2};\nPROC main()\nx:=p;\ny{1}:=@2;\nMoveL x,v1,fine,tool0;\nx:=Offs(q,0,0,0);\nMoveL x,v1,fine,t;\ny{1}:=@3;\nMoveL y{1},v1,fine,t;\nENDPROC\n",
+        &[2, 3, 12],
+        &[],
+    ),
+    case(
+        "one name for several places, of which nobody knows which",
+        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget p:=@0;\nCONST robtarget q:=@1;\nVAR robtarget x;\nPROC main()\nx:=p;\nIF there x:=q;\nMoveL x,v1,fine,tool0;\nMoveL q,v1,fine,t;\nLater;\nENDPROC\nPROC Later()\nMoveL x,v1,fine,t;\nENDPROC\n",
+        &[],
+        &[(2, "used with"), (3, "used with")],
+    ),
+    case(
+        "what traps and handlers of errors set",
+        "CONST robtarget p:=@0;\nCONST robtarget q:=@1;\nVAR robtarget x;\nVAR robtarget y:=@2;\nPROC main()\nx:=p;\nMoveL x,v1,fine,tool0;\ny:=q;\nMoveL y,v1,fine,tool0;\nERROR\ny:=Seen(2);\nRETRY;\nENDPROC\nTRAP tSeen\nTake;\nENDTRAP\nPROC Take()\nx:=Seen(1);\nENDPROC\n",
+        &[1, 2, 4],
+        &[(11, "calculated"), (18, "calculated")],
+    ),
+    case(
+        "parts of targets that have names",
+        "VAR extjoint ext:=[9E9,9E9,9E9,9E9,9E9,9E9];\nVAR confdata conf:=@C0;\nCONST orient turned:=[@R0];\nCONST pos there:=[@X1,@Y1,@Z1];\nCONST orient other:=[@R1];\nCONST robtarget p{3}:=[[[@X0,@Y0,@Z0],turned,conf,ext],[[@X0,@Y0,@Z0],turned,conf,ext],[[@X0,@Y0,@Z0],turned,conf,ext]];\nMoveAbsJ [[10,20,10,5,60,-7],ext],v1,fine,tool0;\nMoveL [[@X0,@Y0,@Z0],[@R0],conf,ext],v1,fine,tool0;\nMoveL [there,other,@C1,ext],v1,fine,tool0;\nMoveL [[@X0,@Y0,@Z0],turned,conf,ext],v1,fine,tool0;\nMoveL p{2},v1,fine,tool0;\nMoveL p{i},v1,fine,tool0;\n",
+        &[6, 6, 6, 7, 8, 9, 10],
+        &[],
+    ),
+    case(
+        "parts of targets that change, or that routines may change",
+        "VAR extjoint ext:=[9E9,9E9,9E9,9E9,9E9,9E9];\nVAR confdata conf:=@C0;\nVAR orient turned:=[@R0];\nVAR pos there;\nconf.cf1:=0;\nAlign turned;\nMoveL [[@X0,@Y0,@Z0],[@R0],conf,ext],v1,fine,tool0;\nMoveL [[@X0,@Y0,@Z0],turned,@C0,ext],v1,fine,tool0;\nMoveL [there,[@R0],@C0,ext],v1,fine,tool0;\nMoveL [[@X0,@Y0,@Z0],[@R0],@C0,ext],v1,fine,tool0;\n",
+        &[10],
+        &[(7, "'conf'"), (8, "'turned'"), (9, "'there'")],
+    ),
+    case(
+        "what a search found",
+        "VAR robtarget found:=[[0,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\nCONST robtarget q:=@0;\nPROC main()\nSearchL\\Stop,di1,found,q,v10,tool0;\nMoveL found,v1,fine,tool0;\nMoveL Offs(found,0,0,50),v1,fine,tool0;\nENDPROC\n",
+        &[2],
+        &[],
+    ),
+    case(
+        "joints that are calculated from a place",
+        "PERS wobjdata w:=[FALSE,TRUE,\"\",[[0,0,9],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\nPERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget p:=@0;\nCONST robtarget q:=@1;\nCONST robtarget r:=@2;\nVAR jointtarget j;\nPROC main()\nMoveAbsJ CalcJointT(p,t\\WObj:=w),v1,fine,t;\nMoveAbsJ CalcJointT(\\UseCurWObjPos,RelTool(q,0,0,-9),t\\WObj:=w\\ErrorNumber:=n),v1,fine,t;\nj:=CalcJointT(r,t);\nMoveAbsJ j,v1,fine,t;\nMoveL q,v1,fine,tool0;\nMoveAbsJ CalcJointT(Seen(1),t),v1,fine,t;\nENDPROC\n",
+        &[3, 5],
+        &[(4, "used with"), (13, "calculates")],
+    ),
+    case(
         "targets without names",
         "PROC main()\nMoveL *,v100,fine,tool0;\nMoveC *,@0,v100,fine,tool0;\nENDPROC\n",
         &[3],
@@ -179,7 +245,7 @@ pub(super) const RAPID: &[Case] = &[
     case(
         "elements of an array that are set",
         "CONST robtarget q:=@0;\nPERS robtarget a{2}:=[@1,@2];\nVAR robtarget b{2};\na{i}.trans.z:=reg1;\nb{i,j} := Offs(q,50*i,0,0);\nMoveL a{i},v1,fine,tool0;\nMoveL b{i,j},v1,fine,tool0;\nPERS robtarget c{2}:=[@3,@3];\nc{2}:=Measured(2);\nMoveL c{1},v1,fine,tool0;\n",
-        &[1, 2, 2, 8, 8],
+        &[1, 2, 2, 8],
         &[(4, "calculated"), (9, "calculated")],
     ),
     case(
@@ -191,7 +257,7 @@ pub(super) const RAPID: &[Case] = &[
     case(
         "a target that is set from elsewhere",
         "PERS robtarget p:=@0;\nPERS robtarget q:=@1;\np:=pOther;\nq:=p;\nMoveL q,v1,fine,tool0;\nVAR robtarget r:=pOther;\nMoveL r,v1,fine,tool0;\n",
-        &[1, 2],
+        &[1],
         &[(3, "set here"), (7, "'r'")],
     ),
     case(
@@ -336,7 +402,7 @@ pub(super) const RAPID: &[Case] = &[
         "set anew before each motion",
         "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nVAR robtarget p;\np:=@0;\nMoveL p,v1,fine,tool0;\np:=@1;\nOther;\nMoveL p,v1,fine,t;\nPROC Other()\nq:=@2;\nENDPROC\n",
         &[3, 5],
-        &[(9, "no motion in the file")],
+        &[],
     ),
     case(
         "set at the end of a loop",
@@ -347,7 +413,7 @@ pub(super) const RAPID: &[Case] = &[
     case(
         "set by a routine that is called between",
         "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nPERS robtarget p:=@0;\nPROC main()\np:=@0;\nMoveL p,v1,fine,tool0;\nNext;\nMoveL p,v1,fine,t;\nENDPROC\nPROC Next()\nSet1;\nENDPROC\nPROC Set1()\np:=@1;\nENDPROC\n",
-        &[2, 13],
+        &[13],
         &[(4, "used with")],
     ),
     case(
@@ -365,13 +431,13 @@ pub(super) const RAPID: &[Case] = &[
     case(
         "data that are set from others, with two tools",
         "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget q:=@0;\nVAR robtarget p:=@1;\nMoveL p,v1,fine,tool0;\np:=q;\nMoveL p,v1,fine,t;\n",
+        &[2, 3],
         &[],
-        &[(2, "used with"), (3, "used with")],
     ),
     case(
         "tables of numbers",
         "CONST num gains{2,6}:=[[10,20,10,5,60,-7],[0,0,0,0,0,0]];\nVAR extjoint soft{2}:=[[10,20,10,5,60,-7],[0,0,0,0,0,0]];\nPERS num limits{2,6};\nPERS robtarget p:=@0;\nCONST jointtarget j:=[[10,20,10,5,60,-7],[9E9,9E9,9E9,9E9,9E9,9E9]];\nPROC main(num table{*,*})\nVAR num p{2,6};\nlimits:=[[10,20,10,5,60,-7],[0,0,0,0,0,0]];\ntable:=[[10,20,10,5,60,-7],[0,0,0,0,0,0]];\np:=[[10,20,10,5,60,-7],[0,0,0,0,0,0]];\nMoveAbsJ j,v1,fine,tool0;\nENDPROC\nPROC Go()\np:=@1;\nMoveL p,v1,fine,tool0;\nENDPROC\n",
-        &[4, 5, 14],
+        &[5, 14],
         &[],
     ),
     case(

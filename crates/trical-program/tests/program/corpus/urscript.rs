@@ -4,6 +4,19 @@ use super::{Case, case};
 
 pub(super) const URSCRIPT: &[Case] = &[
     case(
+        "lists of places",
+        "pts=[p[@0],\n p[@1]]\nqs=[[0.1,-1.4,1.3,-1.1,0.4,0.1],[0.2,-1.4,1.3,-1.1,0.4,0.1]]\nout=[p[@2]]\ni=0\nwhile i<2:\nmovel(pts[i])\ni=i+1\nend\nmovej(qs[1])\nmovej(out[0])\nout[0]=seen()\n",
+        &[1, 2, 3, 4],
+        &[(12, "calculated")],
+    ),
+    case(
+        "functions of the language that move nothing",
+        "wp=p[@0]\nmovel(wp)\nwrite_output_float_register(0, wp[0])\nset_gravity([0,0,9.82])\nwrite_output_float_register(1, norm(wp))\nmy_move(wp)\nmy_look(wp[2])\n",
+        &[1],
+        &[(6, "not in the script")],
+    ),
+    case("a tool by its name", "set_tcp(pose=p[0.018,-0.012,0.118,0,0,0])\nmovel(p[@0])\n", &[2], &[]),
+    case(
         "a routine above its caller",
         "w=p[@0]\ndef b():\nset_tcp(p[0,0,0.009,0,0,0])\nmovel(w)\nend\nset_tcp(p[0.018,-0.012,0.118,0,0,0])\nw=p[@1]\nmovel(w)\nb()\n",
         &[1],

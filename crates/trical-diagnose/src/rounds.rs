@@ -11,7 +11,7 @@ use std::collections::BTreeSet;
 
 use trical_ident::by_place::choose;
 use trical_ident::calibration::own_setup;
-use trical_ident::caution::{SOFTEST, held, near_nominal};
+use trical_ident::caution::{held, near_nominal};
 use trical_ident::dataset::{Dataset, Observation};
 use trical_ident::error::Result;
 use trical_ident::follow::refuse_stuck_stems;
@@ -23,6 +23,7 @@ use trical_ident::read_otherwise::read_otherwise;
 use trical_ident::readings::{Scatter, averaged};
 use trical_ident::sample::sample_poses;
 use trical_ident::solver::LmParams;
+use trical_ident::weak::SOFTEST;
 use trical_model::interrupt::checkpoint;
 use trical_model::{Cell, Measured, Model, Place, Robot, Site, Task, Term};
 

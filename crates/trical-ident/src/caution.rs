@@ -5,6 +5,7 @@ use trical_model::{Axis, Basis, Joint, JointKind, Measured, Model, Motion, Param
 use crate::dataset::Dataset;
 use crate::degenerate::hardly_moving;
 use crate::identifiability::{Elasticity, NEAR_PARALLEL};
+use crate::weak::SOFTEST;
 
 /// A base farther from where the cell file has it is more likely a mistake than a measurement, m and rad.
 const FAR: f64 = 0.1;
@@ -16,9 +17,6 @@ const ANOTHER_ARM: f64 = 0.02;
 /// No identified arm is off by so much on average, mm and deg.
 const NO_ARM_MM: f64 = 5.0;
 const NO_ARM_DEG: f64 = 2.0;
-
-/// No joint of an arm gives way more than this, rad/Nm (0.1 deg/Nm).
-pub const SOFTEST: f64 = 2e-3;
 
 /// More than this is left of few arms, mm.
 const MUCH_MM: f64 = 1.0;

@@ -62,7 +62,7 @@ pub mod triangle;
 pub mod trilateration;
 pub mod units;
 pub mod validate;
-mod weak;
+pub mod weak;
 
 pub use calibration::{
     AngleSummary, Calibration, HeldOut, Options, ToolSharing, calibrate, calibrate_stream, cross_validate,

@@ -20,6 +20,7 @@
 //! ```
 
 mod arm;
+mod closest;
 mod error;
 mod limits;
 mod newton;
@@ -35,6 +36,7 @@ use crate::pose::Pose;
 use crate::recording::{Joints, MAX_JOINTS, State};
 use crate::robot::JointKind;
 use arm::Arm;
+pub use closest::{all_closest, closest};
 pub use error::IkError;
 use limits::{MOST, all_wraps, excess, farthest, principal, put_within, same};
 use newton::Ended;

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use trical_model::interrupt::checkpoint;
 use trical_model::pose::rotation_vector;
-use trical_model::{Cell, Model, Pose, Scope, Term, Variable};
+use trical_model::{Cell, Model, Pose, Robot, Scope, Term, Variable};
 
 use crate::branch::Configuration;
 use crate::compensation::{
@@ -105,6 +105,7 @@ pub fn compensate(
     report.cautions.extend(other_cell(nominal, model, options));
     report.cautions.extend(without_torques(model));
     report.cautions.extend(as_it_began(model, options));
+    report.cautions.extend(few_joints(&nominal.robot));
     Ok(report)
 }
 
@@ -301,6 +302,16 @@ fn without_torques(model: &Model) -> Option<String> {
         format!(
             "the model knows how far joints deflect under measured torques ({}), which a program does not have: how far they deflect is not corrected",
             left_out.join(", ")
+        )
+    })
+}
+
+/// An arm that cannot take every pose.
+fn few_joints(robot: &Robot) -> Option<String> {
+    (robot.dof() < 6).then(|| {
+        format!(
+            "with {} joints the arm cannot take every orientation: the tool's point is corrected, its axes as far as the joints allow",
+            robot.dof()
         )
     })
 }

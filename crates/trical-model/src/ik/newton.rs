@@ -36,7 +36,7 @@ impl Ended {
 type Rows = SMatrix<f64, 6, MAX_JOINTS>;
 
 /// What is left between where the tool is and where it is wanted: m, then rad, in {w}.
-fn miss(target: &Pose, pose: &Pose) -> Vector6<f64> {
+pub(super) fn miss(target: &Pose, pose: &Pose) -> Vector6<f64> {
     let p = target.translation - pose.translation;
     let r = rotation_vector(&(target.rotation * pose.rotation.transpose()));
     Vector6::new(p.x, p.y, p.z, r.x, r.y, r.z)

@@ -1,8 +1,8 @@
 //! Behind it, every target by itself: the joints that the full model needs, and the numbers that bring the controller there.
 
-use trical_model::ik::{IkError, continue_from};
+use trical_model::ik::{IkError, closest, continue_from};
 use trical_model::pose::rotation_vector;
-use trical_model::{Joints, Pose, State, Workspace};
+use trical_model::{Forward, Joints, Pose, State, Workspace};
 
 use super::arms::Compensator;
 use super::starts::Start;
@@ -64,7 +64,7 @@ impl Compensator<'_> {
                 before.1.to_degrees()
             ));
         }
-        let joints = continue_from(&arm.model, &wanted, &state, model_ws).map_err(|e| match e {
+        let joints = self.continued(&arm.model, &wanted, &state, model_ws).map_err(|e| match e {
             // no iterations: there is a solution, but far away
             IkError::Singular { .. } | IkError::NotConverged { iterations: 0, .. } => {
                 "at a singularity of the arm: no small change of the joints corrects it".into()
@@ -83,12 +83,23 @@ impl Compensator<'_> {
             Meant::Joints(q) => q,
             Meant::Pose(pose) => {
                 let world = place.world_from_frame.compose(&pose);
-                continue_from(&arm.nominal, &world, &State::at(&joints), nominal_ws).map_err(|e| e.to_string())?
+                self.continued(&arm.nominal, &world, &State::at(&joints), nominal_ws).map_err(|e| e.to_string())?
             }
         };
         let after = apart(&arm.model.world_from_tool(&self.state(&reached, start.dir), model_ws), &wanted);
         let moved = (commanded.translation - wanted.translation).norm();
         Ok(Done { edits, moved, before, after, wanted, commanded, joints: self.with_rail(spot, &reached) })
+    }
+
+    /// The joints of an arm at a pose, near those of a state; with fewer than six joints, as near to it as they come with the tool's point there.
+    pub(super) fn continued(
+        &self,
+        arm: &Forward,
+        pose: &Pose,
+        near: &State,
+        ws: &mut Workspace,
+    ) -> Result<Joints, IkError> {
+        if self.dof < 6 { closest(arm, pose, near, ws).map(|(q, ..)| q) } else { continue_from(arm, pose, near, ws) }
     }
 
     /// Refuses a correction that turns a joint much further than the error of the tool explains (`off`, m and rad), or leaves the branch.

@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use nalgebra::Vector3;
-use trical_model::ik::{continue_from, inverse_kinematics, nearest_solution};
+use trical_model::ik::{all_closest, continue_from, inverse_kinematics, nearest_solution};
 use trical_model::{Joints, MAX_JOINTS, Pose, State, Workspace};
 
 use super::arms::Compensator;
@@ -14,6 +14,8 @@ use trical_recording::motion::MotionSense;
 
 /// Motions to shifted places that are looked at one by one, at most.
 pub const MOST_RELATIVE: usize = 1000;
+/// Why a target of an arm with fewer than six joints is left.
+const UNFIT: &str = "no solution has the configuration that the program demands";
 /// Only a solution of the target before that is so near is taken without looking at the others, rad.
 const NEAR: f64 = 0.35;
 
@@ -273,7 +275,7 @@ impl Compensator<'_> {
             Pose { translation: pose.translation + axes * shifted.shift, ..*pose }
         };
         let (wanted, asked, start) = (moved(wanted), moved(commanded), &shifted.start);
-        let q = continue_from(&arm.nominal, &asked, &State::at(&start.q), nominal_ws).ok()?;
+        let q = self.continued(&arm.nominal, &asked, &State::at(&start.q), nominal_ws).ok()?;
         let mut off = |q: &Joints| {
             let reached = arm.model.world_from_tool(&self.state(q, start.dir), model_ws);
             (reached.translation - wanted.translation).norm()
@@ -335,11 +337,20 @@ impl Compensator<'_> {
         let off = self.scan.configuration_off || self.options.configuration_off;
         let demanded = if off { Configuration::Free } else { demanded };
         let seed = State::at(last);
-        if let Ok(q) = continue_from(nominal, world, &seed, ws) {
+        let is_next = |q: &Joints| {
             let far = q.iter().zip(last).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-            if far < NEAR && self.branches.mismatch(&demanded, &q) == Some(0) {
-                return Ok(q);
-            }
+            far < NEAR && self.branches.mismatch(&demanded, q) == Some(0)
+        };
+        if self.dof < 6 {
+            // rounded to the text's decimals, the pose is none that such an arm takes
+            let all = all_closest(nominal, world, &seed, ws, is_next).map_err(|e| e.to_string())?;
+            let fits = |q: &&Joints| self.branches.mismatch(&demanded, q).is_some();
+            return all.iter().find(fits).copied().ok_or_else(|| UNFIT.to_owned());
+        }
+        if let Ok(q) = continue_from(nominal, world, &seed, ws)
+            && is_next(&q)
+        {
+            return Ok(q);
         }
         if demanded == Configuration::Free {
             return nearest_solution(nominal, world, &seed, ws).map_err(|e| e.to_string());

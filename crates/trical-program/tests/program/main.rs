@@ -5,6 +5,7 @@
 
 mod beside;
 mod corpus;
+mod few_joints;
 mod fixtures;
 mod rail;
 mod sink;

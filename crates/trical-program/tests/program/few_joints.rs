@@ -1,0 +1,55 @@
+//! An arm of five joints: the tool's point is brought to its place, its axes as near as the joints allow.
+
+use trical_model::pose::rotation_vector;
+use trical_model::{Forward, Joints, Model, Pose, Robot, State};
+use trical_program::{Dialect, Frames};
+
+use crate::fixtures::{IRB, device, joints, mm, nominal, numbers, quaternion, real};
+use crate::run;
+
+fn with_five_joints() -> Model {
+    let (arm, _) = IRB.rsplit_once("[[joint]]").unwrap();
+    Model { robot: Robot::parse(arm, "five.toml").unwrap(), ..nominal(IRB) }
+}
+
+fn tool(model: &Model, q: &[f64]) -> Pose {
+    let forward = Forward::new(model.clone(), vec![]).unwrap();
+    // as it comes from nowhere, at the temperature of the options
+    let state = State { dir: Some([0; 9]), temp_c: Some(32.0), ..State::at(q) };
+    forward.world_from_tool(&state, &mut forward.workspace())
+}
+
+#[test]
+fn joints_and_poses_of_an_arm_of_five_joints_bring_its_point_where_it_is_wanted() {
+    let nominal = with_five_joints();
+    let model = real(&nominal);
+    let places: Vec<Vec<f64>> = joints([0.0; 6]).iter().map(|q| q[..5].to_vec()).collect();
+    let radians = |q: &[f64]| q.iter().map(|q| q.to_radians()).collect::<Vec<_>>();
+    let base_from_world = nominal.cell.world_from_base.inverse();
+    let by_joints: String = places.iter().map(|q| numbers(q) + "\n").collect();
+    let by_poses: String = places
+        .iter()
+        .map(|q| {
+            let p = base_from_world.compose(&tool(&nominal, &radians(q)));
+            format!("{},{}\n", numbers(&mm(&p)), quaternion(&p))
+        })
+        .collect();
+    assert_ne!(device(), Pose::identity());
+    for (head, rows) in
+        [("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg\n", by_joints), ("x_mm,y_mm,z_mm,qw,qx,qy,qz\n", by_poses)]
+    {
+        let text = format!("{head}{rows}");
+        let (_, report) = run(text.as_bytes(), Dialect::Csv, &nominal, &model, &Frames::default());
+        assert!(report.problems.is_empty(), "{:?}", report.problems);
+        assert_eq!(report.rows.len(), places.len());
+        assert!(report.before[1] > 5e-4 && report.after[1] < 2e-7, "{:?} {:?}", report.before, report.after);
+        for (row, q) in report.rows.iter().zip(&places) {
+            let (wanted, was) = (tool(&nominal, &radians(q)), tool(&model, &radians(q)));
+            let off = |p: &Pose| rotation_vector(&(p.rotation.transpose() * wanted.rotation)).norm();
+            let new: Joints = row.joints;
+            let reached = tool(&model, &new[..5]);
+            // of what is left of its axes no joint could take more
+            assert!(off(&reached) < off(&was) + 2e-3, "{} {}", off(&reached), off(&was));
+        }
+    }
+}

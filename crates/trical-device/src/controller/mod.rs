@@ -384,11 +384,6 @@ pub(crate) fn connected(address: &str, timeout: Duration, read: Duration) -> Res
     Err(failed(last))
 }
 
-/// SI units of one that a controller of ABB speaks of: mm of a joint that slides, else deg.
-pub(crate) fn wire_unit(slides: &[bool], joint: usize) -> f64 {
-    if slides.get(joint) == Some(&true) { 1e-3 } else { 1_f64.to_radians() }
-}
-
 /// Opens a controller by its URL.
 ///
 /// `rapid://host:port` is an ABB IRC5 that runs `rapid/TriCal.mod` (default port 5000). Options: `timeout_s` (of an

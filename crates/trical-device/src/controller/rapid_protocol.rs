@@ -25,8 +25,6 @@
 
 use trical_model::recording::{Joints, MAX_JOINTS};
 
-use super::wire_unit;
-
 /// Version of the dialect.
 pub const VERSION: u32 = 1;
 
@@ -162,6 +160,11 @@ pub fn parse_reply(message: &[u8]) -> Option<Reply> {
         _ => return None,
     };
     Some(Reply { code, ok, data: data.trim().to_owned() })
+}
+
+/// SI units of one that a controller of ABB speaks of: mm of a joint that slides, else deg.
+pub(crate) fn wire_unit(slides: &[bool], joint: usize) -> f64 {
+    if slides.get(joint) == Some(&true) { 1e-3 } else { 1_f64.to_radians() }
 }
 
 /// Joint values (SI) as parameters, of the first `count` joints: degrees, and mm of those that slide.

@@ -3,7 +3,7 @@
 use serde_json::Value;
 use trical_model::recording::{Joints, MAX_JOINTS};
 
-use super::wire_unit;
+use super::rapid_protocol::wire_unit;
 
 /// Path of the joints of a mechanical unit.
 #[must_use]

@@ -24,7 +24,7 @@ use crate::normal::triangular;
 use crate::rigid::median;
 use crate::sample::sample;
 use crate::solver::{Ended, Factored, LmParams, LmReport, Solver};
-use crate::weak::{by_prior, plausible, wanders, with_priors};
+use crate::weak::{by_prior, no_softer, plausible, wanders, with_priors};
 
 /// Columns with a condition above this cannot be told apart by the data.
 const CONDITION_LIMIT: f64 = 1e9;
@@ -500,6 +500,7 @@ pub fn fit_near_nominal(
     if !again || plausible.iter().all(Option::is_none) {
         return found;
     }
+    let plausible = no_softer(model, &plausible);
     match fit(&with_priors(&plausible, known)) {
         // no arm is so far from nominal: it is another one, or its data are wrong
         Ok(kept) if found.is_err() && median(&kept.errors()?) > IMPLAUSIBLE => found,

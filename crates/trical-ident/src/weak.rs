@@ -35,7 +35,7 @@ pub(crate) fn plausible(model: &Model, data: &Dataset) -> Vec<Option<f64>> {
             Parameter::Alpha | Parameter::Beta | Parameter::Theta => Some(ANGLE),
         },
         (Site::Joint { .. }, Variable::Moment { joint, .. } | Variable::Torque { joint }) => {
-            loads.get(joint - 1).map(|load| (GIVES_WAY / load).min(SOFTEST))
+            loads.get(joint - 1).filter(|load| **load > 0.0).map(|load| GIVES_WAY / load)
         }
         (Site::Joint { .. }, Variable::Inclination { .. }) => Some(GIVES_WAY),
         // errors of a rail over its length, with it
@@ -68,6 +68,16 @@ fn beyond(model: &Model, plausible: &[Option<f64>], share: f64) -> Vec<usize> {
     model.terms.iter().zip(plausible).enumerate().filter_map(weak).collect()
 }
 
+/// The same for a prior: no joint gives way more than the softest.
+pub(crate) fn no_softer(model: &Model, plausible: &[Option<f64>]) -> Vec<Option<f64>> {
+    let of = |(t, sd): (&Term, &Option<f64>)| match t.gives_way() {
+        // one without any load, too
+        Some(_) => Some(sd.map_or(SOFTEST, |sd| sd.min(SOFTEST))),
+        None => *sd,
+    };
+    model.terms.iter().zip(plausible).map(of).collect()
+}
+
 /// Whether the measurements leave a parameter of the arm more uncertain than it was before them.
 pub(crate) fn wanders(model: &Model, plausible: &[Option<f64>]) -> bool {
     !beyond(model, plausible, 1.0).is_empty()
@@ -87,4 +97,24 @@ pub(crate) fn with_priors(plausible: &[Option<f64>], known: &[Known]) -> Vec<Kno
         Known { prior, ..said }
     };
     plausible.iter().enumerate().map(of).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use trical_model::{Basis, Cell, Robot, Shape};
+
+    use super::*;
+
+    #[test]
+    fn a_joint_without_load_or_with_little_is_no_softer_than_the_softest() {
+        let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
+        let soft = |joint| Term::new("c", "compliance", Site::Joint { joint }, Basis::torque(joint, Shape::Linear));
+        let length = Term::new("a_2", "geometry", Site::Link { link: 2, parameter: Parameter::A }, Basis::CONSTANT);
+        let terms = vec![soft(1), soft(6), soft(2), length];
+        let model = Model { terms, ..Model::nominal(robot, Cell::bare()) };
+        let found = no_softer(&model, &[None, Some(0.1), Some(1e-4), Some(LENGTH)]);
+        assert_eq!(found, [Some(SOFTEST), Some(SOFTEST), Some(1e-4), Some(LENGTH)]);
+    }
 }

@@ -136,8 +136,17 @@ pub fn open_controller_of(url: &str, robot: &Robot, cell: &Cell) -> Result<Box<d
             expected: robot.dof(),
         });
     }
-    controller.set_arm(&Forward::new(Model::nominal(robot.clone(), cell.clone()), Vec::new())?);
+    tell_arm(controller.as_mut(), robot, cell)?;
     Ok(controller)
+}
+
+/// Says to a controller which arm it moves.
+///
+/// # Errors
+/// An arm or a cell that makes no sense.
+pub fn tell_arm(controller: &mut dyn Controller, robot: &Robot, cell: &Cell) -> Result<(), ModelError> {
+    controller.set_arm(&Forward::new(Model::nominal(robot.clone(), cell.clone()), Vec::new())?);
+    Ok(())
 }
 
 impl Session<'_> {

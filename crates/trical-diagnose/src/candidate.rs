@@ -232,6 +232,7 @@ pub(crate) fn cycles_of(t: &Term) -> Option<f64> {
         _ => None,
     }
 }
+
 /// Candidates that say the same as curves in other words: the curves themselves, waves of theirs, and free curves of the same angle at the
 /// same joint.
 #[must_use]

@@ -112,7 +112,7 @@ impl SpecificationTest<'_> {
         places.into_iter().map(corrected).collect()
     }
 
-    /// The probe of a place that says most at the price of its numbers (BIC), if any says Physical, and by how many nats.
+    /// The probe of a place that says most at the price of its numbers (BIC), if any says anything, and by how many nats.
     #[must_use]
     pub fn best_probe(&self, state: &RegressionState, site: Place) -> Option<(LackOfFit, f64)> {
         let says = |(dss, rank): (f64, usize)| bic_nats(self.freedom(state), state.ss, state.ss - dss, rank as f64);

@@ -33,7 +33,8 @@ pub fn averaged(data: &Dataset) -> (Dataset, Option<Scatter>) {
     let (mut squares, mut freedom, mut several) = (0.0, 0, Vec::new());
     let mut means = Vec::with_capacity(groups.len());
     for group in &groups {
-        let one = mean_of(group);
+        let Some(first) = group.first() else { continue };
+        let one = mean_of(first, group);
         if group.len() > 1 {
             several.push(group.len() as f64);
             freedom += (group.len() - 1) * lengths(&one.measured).len();
@@ -65,8 +66,7 @@ fn is_same(a: &Observation, b: &Observation) -> bool {
     thing && a.frame == b.frame && a.recording == b.recording && came(&a.state) == came(&b.state)
 }
 
-fn mean_of(group: &[Observation]) -> Observation {
-    let [first, ..] = group else { unreachable!("a group has a first one") };
+fn mean_of(first: &Observation, group: &[Observation]) -> Observation {
     let mean = |of: &dyn Fn(&State) -> Option<f64>| {
         let all: Vec<f64> = group.iter().filter_map(|o| of(&o.state)).collect();
         of(&first.state).map(|_| all.iter().sum::<f64>() / all.len() as f64)

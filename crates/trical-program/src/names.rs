@@ -177,7 +177,7 @@ impl Names {
     pub fn end_of_file(&mut self) {
         let is_motion = |u: &Use| match u {
             Use::Named { way, .. } => !matches!(way, Way::Said),
-            Use::Direct(visit) => !matches!(visit, Visit::Fork(_) | Visit::Like(_)),
+            Use::Direct(visit) => !matches!(visit, Visit::Fork(_) | Visit::Like(_) | Visit::OnPath(_)),
             Use::Called { .. } => false,
         };
         self.only_data = !self.uses.iter().any(is_motion);

@@ -12,8 +12,9 @@ use trical_device::controller::trial::{Jog, JogError, check_speed, ping};
 use trical_device::controller::wait_settled;
 use trical_device::gauge::trial::{Mastering, Trial, master, stem_answers, trial};
 use trical_device::gauge::{list_ports, settled_reading};
+use trical_device::session::tell_arm;
 use trical_device::{Controller, Gauge, open_controller, open_gauge};
-use trical_model::Joints;
+use trical_model::{Cell, Joints};
 
 use crate::arguments::keywords;
 use crate::errors::{Result, bad};
@@ -240,6 +241,9 @@ impl PyControllerLink {
         let (before, after) = watched(py, None, |end, _| {
             self.link.with("controller", |c| {
                 c.stop_when(Arc::clone(&end.stops));
+                if let Some(robot) = &robot {
+                    tell_arm(c, robot, &Cell::bare())?;
+                }
                 let settle = c.joint_settle();
                 let from = wait_settled(c, &settle, &end.asked)?;
                 let target = jog.target(&from, self.joints, max_angle, robot.as_ref()).map_err(|e| refused(&e))?;

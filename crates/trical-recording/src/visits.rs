@@ -105,7 +105,7 @@ impl Visits {
         // an editor puts another file in its place
         if !self.path.canonicalize().is_ok_and(|path| is_at(&self.file, &path)) {
             let next = self.next;
-            *self = Self::open_with(&self.path.clone(), std::mem::take(&mut self.kinds))?.0;
+            *self = Self::open_with(&self.path.clone(), self.kinds.clone())?.0;
             self.next = self.next.max(next);
         }
         let io = |source| RecordError::Io { path: self.path.clone(), action: "be written", source };

@@ -7,8 +7,9 @@ use clap::{ArgGroup, Subcommand};
 use serde_json::json;
 use trical_device::controller::trial::{self, JogError, check_speed};
 use trical_device::controller::wait_settled;
+use trical_device::session::tell_arm;
 use trical_device::{Controller, open_controller};
-use trical_model::{Cell, Forward, Joints, Model, Robot};
+use trical_model::{Cell, Joints, Robot};
 
 use crate::error::{CliError, Result};
 use crate::{interrupt, say};
@@ -175,7 +176,7 @@ fn move_a_little(jog: &Jog) -> Result<()> {
     let mut controller = jog.link.open()?;
     controller.stop_when(interrupt.stops);
     if let Some(robot) = robot {
-        controller.set_arm(&Forward::new(Model::nominal(robot.clone(), Cell::bare()), Vec::new())?);
+        tell_arm(controller.as_mut(), robot, &Cell::bare())?;
     }
     let count = controller.joint_count();
     let settle = controller.joint_settle();

@@ -3,7 +3,7 @@
 //! Each motion is a program that writes its number into an output register when it has come to its end, so that the client
 //! knows which one is done. Nothing here was tried on a real controller; the arm has to be in remote control.
 
-use std::io::{Read, Write};
+use std::io::{Error, ErrorKind, Read, Write};
 use std::net::{Shutdown, TcpStream};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -125,7 +125,7 @@ impl UrClient {
         let mut bytes = Vec::new();
         let recipe = greet(&mut data, &mut bytes, &name, settings.timeout)?;
         let script = open(settings.script_port)?;
-        let failed = |e: std::io::Error| ControllerError::Connect { address: host.to_owned(), reason: e.to_string() };
+        let failed = |e: Error| ControllerError::Connect { address: host.to_owned(), reason: e.to_string() };
         let shared = Arc::new(Shared::default());
         let (mut reads, into) = (data.try_clone().map_err(failed)?, Arc::clone(&shared));
         reads.set_read_timeout(None).map_err(failed)?;
@@ -143,7 +143,7 @@ impl UrClient {
                     break reason;
                 }
             };
-            into.lose(reason);
+            into.lose(reason.to_string());
         };
         // the port for programs also sends the robot's state, which must be taken off
         let drain = move || std::io::copy(&mut drained, &mut std::io::sink()).map(|_| ());
@@ -293,8 +293,6 @@ impl UrClient {
     }
 }
 
-/// What a read says that took too long.
-const NO_ANSWER: &str = "no answer in time";
 /// Ends whatever program runs.
 const STOP: &str = "def trical_stop():\n  stopj(2.0)\nend\n";
 
@@ -312,20 +310,17 @@ impl Drop for UrClient {
 }
 
 /// The next package from a stream.
-fn next(stream: &mut TcpStream, bytes: &mut Vec<u8>) -> Result<(u8, Vec<u8>), String> {
+fn next(stream: &mut TcpStream, bytes: &mut Vec<u8>) -> std::io::Result<(u8, Vec<u8>)> {
     loop {
-        if let Some(package) = rtde::take(bytes)? {
+        if let Some(package) = rtde::take(bytes).map_err(Error::other)? {
             return Ok(package);
         }
         let mut some = [0; 512];
         match stream.read(&mut some) {
-            Ok(0) => return Err("closed at its other end".to_owned()),
+            Ok(0) => return Err(Error::other("closed at its other end")),
             Ok(count) => bytes.extend_from_slice(some.get(..count).unwrap_or_default()),
-            Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
-            Err(e) if matches!(e.kind(), std::io::ErrorKind::WouldBlock | std::io::ErrorKind::TimedOut) => {
-                return Err(NO_ANSWER.to_owned());
-            }
-            Err(e) => return Err(e.to_string()),
+            Err(e) if e.kind() == ErrorKind::Interrupted => {}
+            Err(e) => return Err(e),
         }
     }
 }
@@ -333,11 +328,11 @@ fn next(stream: &mut TcpStream, bytes: &mut Vec<u8>) -> Result<(u8, Vec<u8>), St
 /// Version, fields, start; gives the number of the recipe.
 fn greet(stream: &mut TcpStream, bytes: &mut Vec<u8>, name: &str, timeout: Duration) -> Result<u8, ControllerError> {
     let mut ask = |request: &[u8], wanted: u8, what: &str, expected: &str, right: &dyn Fn(&[u8]) -> bool| {
-        let lost = |reason: String| match reason.as_str() {
-            NO_ANSWER => ControllerError::silent(name, what, timeout),
-            _ => ControllerError::Lost { controller: name.to_owned(), reason },
+        let lost = |e: Error| match e.kind() {
+            ErrorKind::WouldBlock | ErrorKind::TimedOut => ControllerError::silent(name, what, timeout),
+            _ => ControllerError::Lost { controller: name.to_owned(), reason: e.to_string() },
         };
-        stream.write_all(request).map_err(|e| lost(e.to_string()))?;
+        stream.write_all(request).map_err(lost)?;
         let begin = Instant::now();
         loop {
             let (kind, content) = next(stream, bytes).map_err(lost)?;

@@ -1,11 +1,11 @@
 //! Arms with fewer than six joints: the tool's point where it is wanted, its axes as near to that as the joints allow.
 
-use nalgebra::{DMatrix, DVector, Vector6};
+use nalgebra::{DMatrix, DVector};
 
 use super::error::IkError;
 use super::keep_better;
 use super::limits::{farthest, put_within, same};
-use super::newton::miss;
+use super::newton::{lengths, miss};
 use super::search::starts;
 use crate::forward::{Forward, Workspace};
 use crate::pose::Pose;
@@ -37,7 +37,6 @@ pub fn closest(
     let n = forward.model().robot.dof();
     let mut at = *state;
     let mut flat = [0.0; 6 * MAX_JOINTS];
-    let left = |e: &Vector6<f64>| (e.fixed_rows::<3>(0).norm(), e.fixed_rows::<3>(3).norm());
     for _ in 0..ITERATIONS {
         let e = miss(world_from_tool, &forward.joint_jacobian(&at, ws, &mut flat));
         let rows = |from: usize| DMatrix::from_fn(3, n, |row, column| flat[(from + row) * n + column]);
@@ -58,7 +57,7 @@ pub fn closest(
             break;
         }
     }
-    let (miss_m, miss_rad) = left(&miss(world_from_tool, &forward.world_from_tool(&at, ws)));
+    let (miss_m, miss_rad) = lengths(&miss(world_from_tool, &forward.world_from_tool(&at, ws)));
     if miss_m.is_nan() || miss_m > 1e-9 {
         return Err(IkError::Unreachable { miss_m, miss_rad });
     }

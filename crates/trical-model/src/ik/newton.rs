@@ -52,7 +52,7 @@ pub(super) fn is_there(pose: &Pose, target: &Pose) -> bool {
 
 /// Of a miss: m, rad.
 #[inline]
-fn lengths(e: &Vector6<f64>) -> (f64, f64) {
+pub(super) fn lengths(e: &Vector6<f64>) -> (f64, f64) {
     (e.fixed_rows::<3>(0).norm(), e.fixed_rows::<3>(3).norm())
 }
 

@@ -14,7 +14,7 @@ use trical_recording::motion::MotionSense;
 
 /// Motions to shifted places that are looked at one by one, at most.
 pub const MOST_RELATIVE: usize = 1000;
-/// Why a target of an arm with fewer than six joints is left.
+/// Why a target is left.
 const UNFIT: &str = "no solution has the configuration that the program demands";
 /// Only a solution of the target before that is so near is taken without looking at the others, rad.
 const NEAR: f64 = 0.35;
@@ -223,6 +223,8 @@ impl Compensator<'_> {
             if unwanted() {
                 return walk.shifted;
             }
+            // of a target that no motion names its own configuration is all that is known
+            walk.on_path &= index < visits.len();
             if index == 0 {
                 // whence, nobody knows
                 walk.sense = unknown_sense();
@@ -361,7 +363,7 @@ impl Compensator<'_> {
             all.iter().filter_map(|s| Some((self.branches.mismatch(&demanded, &s.joints)?, s))).min_by_key(|x| x.0);
         best.map(|(_, s)| s.joints).ok_or_else(|| {
             format!(
-                "no solution has the configuration that the program demands ({}); --any-configuration takes the solution nearest to the previous target",
+                "{UNFIT} ({}); --any-configuration takes the solution nearest to the previous target",
                 match demanded {
                     Configuration::Abb([a, b, c, d]) => format!("[{a},{b},{c},{d}]"),
                     Configuration::Kuka { t: Some(t), .. } => format!("T {t}"),

@@ -269,6 +269,7 @@ struct Summary<'a> {
     elasticity: Elasticity,
     correlated: Vec<(String, String, f64)>,
     at_limit: Vec<&'a str>,
+    design_effect: f64,
     observability: &'a Observability,
     fit: &'a LmReport,
     before: ErrorSummary,
@@ -345,6 +346,7 @@ impl Serialize for Calibration {
             elasticity: self.elasticity,
             correlated: f.correlated(0.9),
             at_limit: f.stopped(),
+            design_effect: f.design_effect,
             observability: &f.observability,
             fit: &f.report,
             before,
@@ -396,7 +398,7 @@ pub fn calibrate(
     let (robot, choice, tried) = choose(robot, cell, &data, &choice)?;
     let robot = &robot;
     let elasticity = choice.elasticity(robot, &data)?;
-    let fitted = identify(robot, cell, &data, choice.clone())?;
+    let fitted = identify(robot, cell, &data, choice.clone())?.with_shared_errors()?;
     let nominal = identify(robot, cell, &data, Choice::from(ParameterSet::Nominal).with_own(choice.own().clone()))?;
     let (each_before, after) = (nominal.errors()?, fitted.errors()?);
     let folds = Folds::of(&data);

@@ -44,6 +44,8 @@ pub struct Identified {
     pub noise: Noise,
     /// Covariance of the free coefficients, SI, row by row.
     pub covariance: Vec<f64>,
+    /// By which factor these variances are larger than if all measurements were independent.
+    pub design_effect: f64,
     /// Observability of the free terms.
     pub observability: Observability,
     /// Parameters that could not be told from others, and those.
@@ -340,7 +342,20 @@ fn finish(forward: Forward, data: &Dataset, fitted: Fitted) -> Result<Identified
     let observability = indices(&singular, rows);
     let data = data.clone();
     let (known, weak) = (Vec::new(), Vec::new());
-    Ok(Identified { model, free, at_limit, data, noise, covariance, observability, dependent, known, weak, report })
+    Ok(Identified {
+        model,
+        free,
+        at_limit,
+        data,
+        noise,
+        covariance,
+        design_effect: 1.0,
+        observability,
+        dependent,
+        known,
+        weak,
+        report,
+    })
 }
 
 /// Whether data with these singular values (columns of unit length, largest first) tells all parameters apart.

@@ -30,6 +30,7 @@ pub mod compare;
 pub mod dataset;
 pub mod date;
 pub mod degenerate;
+mod design_effect;
 pub mod error;
 pub mod fit;
 pub mod folds;

@@ -112,9 +112,10 @@ mod tests {
         let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
         let soft = |joint| Term::new("c", "compliance", Site::Joint { joint }, Basis::torque(joint, Shape::Linear));
         let length = Term::new("a_2", "geometry", Site::Link { link: 2, parameter: Parameter::A }, Basis::CONSTANT);
-        let terms = vec![soft(1), soft(6), soft(2), length];
+        let measured = Term { basis: Basis::measured_torque(5), ..soft(5) };
+        let terms = vec![soft(1), soft(6), soft(2), length, measured];
         let model = Model { terms, ..Model::nominal(robot, Cell::bare()) };
-        let found = no_softer(&model, &[None, Some(0.1), Some(1e-4), Some(LENGTH)]);
-        assert_eq!(found, [Some(SOFTEST), Some(SOFTEST), Some(1e-4), Some(LENGTH)]);
+        let found = no_softer(&model, &[None, Some(0.1), Some(1e-4), Some(LENGTH), Some(0.1)]);
+        assert_eq!(found, [Some(SOFTEST), Some(SOFTEST), Some(1e-4), Some(LENGTH), Some(SOFTEST)]);
     }
 }

@@ -181,13 +181,11 @@ impl Term {
         self.effect == other.effect && self.site == other.site && self.basis == other.basis
     }
 
-    /// The joint (from 1) of which this is the compliance about its axis.
+    /// The joint (from 1) of which this is the compliance about its axis, by gravity's torque or by a measured one.
     #[must_use]
     pub fn gives_way(&self) -> Option<usize> {
-        match self.site {
-            Site::Joint { joint } if self.basis == Basis::torque(joint, Shape::Linear) => Some(joint),
-            _ => None,
-        }
+        let Site::Joint { joint } = self.site else { return None };
+        [Basis::torque(joint, Shape::Linear), Basis::measured_torque(joint)].contains(&self.basis).then_some(joint)
     }
 }
 

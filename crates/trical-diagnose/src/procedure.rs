@@ -47,6 +47,8 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
 
     task.step(0.75, "proving")?;
     let unsearched = rounds.fit_whole(&baseline)?;
+    let effective = rounds.effective_parameters();
+    rounds.fitted = rounds.fitted.with_shared_errors()?;
     let Rounds { kept, fitted, chosen, .. } = &rounds;
     let (design, probes) = rounds.design_with_probes(&rounds.fast_waves()?)?;
     let start = design.start();
@@ -74,7 +76,6 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
     let errors = fitted.errors()?;
     let before_errors = position_errors(&Forward::new(baseline.clone(), Vec::new())?, &fitted.data);
     let lack_of_fit_p = |state: &RegressionState| lack_of_fit(&proving.search, state, chosen);
-    let effective = rounds.effective_parameters();
     let elasticity = Choice::from(BASELINE).elasticity(robot, kept)?;
     let diagnosis = Diagnosis {
         verdict: verdict::of(

@@ -3,18 +3,21 @@
 //! What a model lacks moves neighbouring measurements alike: all targets at one pose, all poses at one angle of a joint, all of one hour.
 //! Standard deviations by the scatter of single measurements are too small then. How far the parameters move when such a group is left out tells
 //! by how much (the jackknife of groups, Tukey 1958). In a metric in which the covariance of the parameters is the unit matrix, with `Z` a group's
-//! rows of the weighted Jacobian, `r` its residuals and `G = Z'Z`, they move by `(I - G)^-1 Z'r`, and
+//! rows of the weighted Jacobian, `r` its residuals and `G = Z'Z`, they move by `W Z'r`, `W = (I - G)^-1`, and
 //!
 //! ```text
-//! f = sum |(I - G)^-1 Z'r|^2 / sum tr G (I - G)^-1
+//! f = sum |W Z'r|^2 / sum tr W (G - G^2) W
 //! ```
 //!
 //! is 1 on average where measurements are independent, and else the factor by which the variances are too small: the design effect (Kish 1965)
 //! of such groups. Errors that several kinds of groups share add up (Cameron, Gelbach & Miller 2011).
 
 use faer::linalg::matmul::matmul;
+use faer::linalg::solvers::Solve;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, Mat, Par, Side};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
 use trical_model::Forward;
 
 use crate::degenerate::resting_joints;
@@ -29,8 +32,11 @@ const INTERVALS: usize = 16;
 /// A kind of groups counts where its factor is larger than by chance: beyond so many of its standard deviations.
 const BEYOND_CHANCE: f64 = 2.0;
 
-/// What one group tells more than this share of, all others cannot check.
-const UNCHECKED: f64 = 0.95;
+/// What a group alone tells cannot be checked without it: this much of it is taken to be left out, so that such directions have finite weight.
+const LEFT_OUT: f64 = 0.98;
+
+/// Random vectors by which a trace is estimated (Hutchinson 1990).
+const PROBES: usize = 16;
 
 /// The measurements of a fit in the metric of its covariance.
 struct Whitened {
@@ -147,7 +153,7 @@ impl Whitened {
         let p = self.z.nrows();
         let mut rows: Vec<(usize, usize)> = self.observation.iter().map(|o| of(*o)).zip(0..).collect();
         rows.sort_unstable();
-        let (mut moved, mut expected, mut spread) = (0.0, 0.0, 0.0);
+        let (mut moved, mut expected, mut spread, mut rng) = (0.0, 0.0, 0.0, Pcg64Mcg::seed_from_u64(1));
         for group in rows.chunk_by(|a, b| a.0 == b.0) {
             let n = group.len();
             let mut z = Mat::<f64>::zeros(p, n);
@@ -157,18 +163,16 @@ impl Whitened {
             let r = Mat::from_fn(n, 1, |k, _| self.residual[group[k].1]);
             // Z'Z and ZZ' have the same eigenvalues: whichever is smaller
             let small = n < p;
-            let (products, push) = if small { (z.transpose() * &z, r) } else { (&z * z.transpose(), &z * r) };
-            let Ok(eigen) = products.self_adjoint_eigen(Side::Lower) else { continue };
-            let along = eigen.U().transpose() * push;
-            for (k, share) in eigen.S().column_vector().iter().enumerate() {
-                if *share > 0.0 && *share < UNCHECKED {
-                    let push = if small { share.sqrt() * along[(k, 0)] } else { along[(k, 0)] };
-                    let left = 1.0 - share;
-                    moved += (push / left).powi(2);
-                    expected += share / left;
-                    spread += (share / left).powi(2);
-                }
-            }
+            let (g, push) = if small { (z.transpose() * &z, r) } else { (&z * z.transpose(), &z * r) };
+            let kept = Mat::from_fn(g.nrows(), g.nrows(), |i, j| f64::from(u8::from(i == j)) - LEFT_OUT * g[(i, j)]);
+            let Ok(root) = kept.llt(Side::Lower) else { continue };
+            let push = root.solve(&push);
+            moved += if small { (push.transpose() * &g * &push)[(0, 0)] } else { push.squared_norm_l2() };
+            let probe = Mat::from_fn(g.nrows(), PROBES, |_, _| if rng.random() { 1.0 } else { -1.0 });
+            let through = &g * &probe;
+            let seen = root.solve(root.solve(&through - &g * &through));
+            expected += (0..PROBES).map(|k| probe.col(k).transpose() * seen.col(k)).sum::<f64>() / PROBES as f64;
+            spread += seen.squared_norm_l2() / PROBES as f64;
         }
         if expected > 0.0 {
             Effect { factor: moved / expected, sd: (2.0 * spread).sqrt() / expected }

@@ -131,7 +131,10 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
             .collect(),
         rejected: fitted.data.rejected.clone(),
         model: fitted.model.clone(),
-        uncertainty: Uncertainty::of(fitted),
+        uncertainty: Uncertainty::of(fitted).map(|u| {
+            let plain = u.noise * ErrorSummary::of(&before_errors).rms_mm / ErrorSummary::of(&errors).rms_mm;
+            u.of_effects(plain)
+        }),
         data: fitted.data.clone(),
         before: baseline,
         grounds: Grounds {

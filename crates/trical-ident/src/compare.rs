@@ -22,7 +22,7 @@ mod settings;
 mod size;
 mod whitened;
 
-use trical_model::{Cell, Forward, Recording, Scope, Site, Term};
+use trical_model::{Cell, Forward, Recording, Scope, Site, Term, Variable};
 
 use crate::dataset::{Dataset, JointSource};
 use crate::date;
@@ -30,6 +30,7 @@ use crate::error::{IdentError, Result};
 use crate::fit::position_errors;
 use crate::model_file::ModelFile;
 use crate::noise::Noise;
+use crate::readings::averaged;
 use crate::repeated::fingerprint;
 use crate::rigid::mean;
 use crate::validate::{Refit, adapted};
@@ -38,7 +39,7 @@ pub use result::{Change, Changed, Comparison, Visible, capital};
 pub use settings::FALSE_ALARMS;
 
 use explanation::Explained;
-use settings::{ANOTHER_ARM, MEASUREMENTS};
+use settings::{ANOTHER_ARM, MEASUREMENTS, OTHER_DAY};
 use whitened::Whitened;
 
 /// Compares a new recording with the model of `file`, which has to know how uncertain it is ([`ModelFile::of_fit`]).
@@ -71,8 +72,12 @@ pub fn compare(
     }
     let model = adapted.identified()?;
     let errors = position_errors(&Forward::new(model.clone(), Vec::new())?, &adapted.data);
-    let data = thinned(&adapted.data);
-    let explained = Explained::of(model, &data, uncertainty);
+    let data = thinned(&averaged(&adapted.data).0);
+    let grows = |t: &Term| t.site == Site::Links && matches!(t.basis.of, Variable::Temperature { .. });
+    let then = file.sessions.get(newest as usize - 1).and_then(|s| s.temp_c);
+    let warmer = adapted.data.mean_temp_c().zip(then).map(|(now, then)| now - then);
+    let heat = if model.terms.iter().any(grows) { 0.0 } else { warmer.map_or(OTHER_DAY, f64::abs) };
+    let explained = Explained::of(model, &data, file, uncertainty, heat);
     let is_new = |such: fn(&Site) -> bool| explained.new.iter().any(|k| such(&explained.model.terms[*k].site));
     let tool = is_new(|s| matches!(s, Site::Tool(_) | Site::Target { .. }));
     // of sockets the place is new by their nature
@@ -97,6 +102,7 @@ pub fn compare(
         noise_mm: uncertainty.noise * 1e3,
         more_noise: whitened.more_noise.sqrt(),
         temp_c: adapted.data.mean_temp_c(),
+        warmer,
         alone: size::alone(&whitened),
     };
     out.tell(usual_mm(&adapted.data), &adapted.left_out);

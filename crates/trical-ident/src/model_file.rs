@@ -45,6 +45,9 @@ pub struct Uncertainty {
     /// How far what happened in the course of the sessions moved a coordinate about its middle, root mean square, m: as much may happen,
     /// unforeseen, in the course of another one.
     pub course: f64,
+    /// How far the effects that were found move a coordinate, root mean square, m: at joint angles that the model was not fitted at they may be
+    /// otherwise by as much.
+    pub effects: f64,
 }
 
 impl Uncertainty {
@@ -62,7 +65,13 @@ impl Uncertainty {
         let known = p <= CORRELATED && noise > 0.0 && correlation.iter().all(|c| c.is_finite());
         let names = fitted.free.iter().map(|k| fitted.model.terms[*k].name.clone()).collect();
         let (rotation_noise, course) = (rotation_noise(fitted), of_course(fitted).unwrap_or(0.0));
-        known.then_some(Self { names, correlation, noise, rotation_noise, course })
+        known.then_some(Self { names, correlation, noise, rotation_noise, course, effects: 0.0 })
+    }
+
+    /// The same of a model with effects, without which a coordinate was off by `plain`, m.
+    #[must_use]
+    pub fn of_effects(self, plain: f64) -> Self {
+        Self { effects: (plain * plain - self.noise * self.noise).max(0.0).sqrt(), ..self }
     }
 }
 
@@ -141,6 +150,8 @@ pub struct Session {
     pub places: Vec<String>,
     /// Joint angles that it visited.
     pub visited: Support,
+    /// Mean temperature, degC, where it was recorded.
+    pub temp_c: Option<f64>,
 }
 
 /// The newest version of model files: sessions came with 2, and with 3 what goes with the sense of motion is positive as it is told.
@@ -179,6 +190,9 @@ struct UncertaintyFile {
     /// What happened in the course of the sessions, of each coordinate.
     #[serde(default)]
     course_mm: f64,
+    /// What the effects that were found move, of each coordinate.
+    #[serde(default)]
+    effects_mm: f64,
     names: Vec<String>,
     /// Correlation of the terms: of each with those before it, the first's row is empty; seven decimals.
     correlation: Vec<Vec<f64>>,
@@ -193,6 +207,7 @@ impl UncertaintyFile {
             noise_mm: u.noise * 1e3,
             noise_deg: u.rotation_noise.map(f64::to_degrees),
             course_mm: u.course * 1e3,
+            effects_mm: u.effects * 1e3,
             names: u.names.clone(),
             correlation: (0..p).map(row).collect(),
         }
@@ -204,8 +219,10 @@ impl UncertaintyFile {
         let fine = self.correlation.iter().flatten().all(|c| c.abs() <= 1.0)
             && self.noise_mm > 0.0
             && self.course_mm >= 0.0
+            && self.effects_mm >= 0.0
             && self.noise_deg.is_none_or(|sd| sd > 0.0);
-        let finite = [self.noise_mm, self.course_mm, self.noise_deg.unwrap_or(1.0)].iter().all(|x| x.is_finite());
+        let all = [self.noise_mm, self.course_mm, self.effects_mm, self.noise_deg.unwrap_or(1.0)];
+        let finite = all.iter().all(|x| x.is_finite());
         (shaped && fine && finite).then(|| {
             let at = |i: usize, j: usize| match i.cmp(&j) {
                 std::cmp::Ordering::Equal => 1.0,
@@ -218,6 +235,7 @@ impl UncertaintyFile {
                 noise: self.noise_mm * 1e-3,
                 rotation_noise: self.noise_deg.map(f64::to_radians),
                 course: self.course_mm * 1e-3,
+                effects: self.effects_mm * 1e-3,
                 names: self.names,
             }
         })
@@ -237,6 +255,8 @@ struct SessionFile {
     /// For each joint the stretches of its angle modulo a turn that were visited, deg; mm of sliding joints.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     visited: Vec<Vec<[f64; 2]>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    temp_c: Option<f64>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -285,6 +305,7 @@ impl SessionFile {
             fingerprint: self.fingerprint,
             frame: self.frame,
             places: self.places,
+            temp_c: self.temp_c.filter(|t| t.is_finite()),
         }
     }
 }
@@ -355,6 +376,7 @@ impl ModelFile {
             frame: frame.map(|f| f + 1),
             places: data.places.get(k).cloned().unwrap_or_default(),
             visited: Support::of(&model.robot, &poses(k)),
+            temp_c: data.filtered(|o| o.recording == k).mean_temp_c(),
         });
         let sessions = sessions.collect();
         Self { model, joints: data.joints, references: data.references.clone(), sessions, uncertainty: None }
@@ -446,6 +468,7 @@ impl ModelFile {
                     frame: s.frame,
                     places: s.places.clone(),
                     visited: s.visited.stretches(),
+                    temp_c: s.temp_c,
                 })
                 .collect(),
             robot: table(&m.robot.to_toml()),

@@ -4,7 +4,8 @@
 //! alone from rows `S` (and `J` of the known ones) of standard deviation `s`, with derivatives `k`, a prediction has the variance
 //! `h C h' + s^2 k (S'S)^-1 k'`, `h = j - k (S'S)^-1 S'J`: what belongs to the session makes up for part of what is wrong with the arm.
 //! Where a curve was never visited `C` is its prior, so that predictions are as uncertain there as the curve is. What happened in the course of
-//! the sessions that were learnt (warming up, a step) may happen in another one, unforeseen: its spread is added.
+//! the sessions that were learnt (warming up, a step) may happen in another one, unforeseen: its spread is added. At joint angles that the model
+//! was not fitted at, the effects that were found may be others: their spread is added there.
 
 use faer::linalg::solvers::{DenseSolveCore, Solve};
 use faer::{Mat, Side};
@@ -76,7 +77,7 @@ pub(crate) fn predicted(
     data: &Dataset,
     (learnt, beyond): (&[bool], &[bool]),
 ) -> Result<Option<Predicted>> {
-    let all = coordinates(model, uncertainty, (own, train), data, learnt)?;
+    let all = coordinates(model, uncertainty, (own, train), data, (learnt, beyond))?;
     let root_mean = |of: &dyn Fn(&Coordinate) -> f64| {
         let square: f64 = all.iter().map(|c| of(c).powi(2)).sum();
         let n = all.len().max(1) as f64;
@@ -189,7 +190,7 @@ fn coordinates(
     uncertainty: &Uncertainty,
     (own, train): (&[usize], &Dataset),
     data: &Dataset,
-    learnt: &[bool],
+    (learnt, beyond): (&[bool], &[bool]),
 ) -> Result<Vec<Coordinate>> {
     let known = known(model, uncertainty, &|k| !own.contains(&k));
     let m = known.len();
@@ -224,7 +225,8 @@ fn coordinates(
             let parameters = of_known.max(0.0) + noise * noise * of_own;
             let known = learnt.get(data.observations[observation].recording).copied().unwrap_or(false);
             let course = if known { 0.0 } else { uncertainty.course };
-            let all = (parameters + noise * noise + course * course).sqrt();
+            let effects = if beyond.get(observation) == Some(&true) { uncertainty.effects } else { 0.0 };
+            let all = (parameters + noise * noise + course * course + effects * effects).sqrt();
             Coordinate { parameters: parameters.sqrt(), all, error: *error, observation }
         })
         .collect())

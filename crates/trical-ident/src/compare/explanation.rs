@@ -4,9 +4,9 @@ use std::ops::Range;
 
 use trical_model::{Axis, Basis, Measured, Model, Motion, Scope, Site, Term};
 
-use super::settings::FEW;
+use super::settings::{EXPANSION, FEW};
 use crate::dataset::Dataset;
-use crate::model_file::Uncertainty;
+use crate::model_file::{ModelFile, Uncertainty};
 
 /// Something that may have changed.
 pub(super) struct Explanation {
@@ -33,10 +33,24 @@ pub(super) struct Explained {
     pub calibrated: Vec<(usize, usize)>,
     /// Terms that are new in any case, such as a tracker's frame.
     pub new: Vec<usize>,
+    /// Terms of what differs from day to day without anything having changed, and by how much.
+    pub of_the_day: Vec<(usize, Daily)>,
+    /// Of each measurement, whether it is at joint angles that the calibration was not fitted at.
+    pub beyond: Vec<bool>,
+}
+
+/// How much something differs from day to day.
+#[derive(Clone, Copy)]
+pub(super) enum Daily {
+    /// Its coefficient has this standard deviation.
+    Sd(f64),
+    /// All such together move a coordinate by what happened in the course of the sessions of the calibration ([`Uncertainty::course`]).
+    Course,
 }
 
 impl Explained {
-    pub fn of(model: Model, data: &Dataset, old: &Uncertainty) -> Self {
+    /// `warmer` is by how much another temperature it may have been measured at, K.
+    pub fn of(model: Model, data: &Dataset, file: &ModelFile, old: &Uncertainty, warmer: f64) -> Self {
         let here = |t: &Term| {
             t.basis.session.is_some_and(|s| data.observations.iter().any(|o| o.state.session == Some(s)))
                 || matches!(t.site, Site::Frame { frame, .. } if data.observations.iter().any(|o| o.frame + 1 == frame))
@@ -49,7 +63,10 @@ impl Explained {
                 None => {}
             }
         }
-        let mut out = Self { model, explanations: Vec::new(), calibrated, new };
+        let visited = file.visited();
+        let beyond = data.observations.iter().map(|o| visited.beyond(&o.state.q).is_some()).collect();
+        let mut out = Self { model, explanations: Vec::new(), calibrated, new, of_the_day: Vec::new(), beyond };
+        out.add_of_the_day(warmer, file);
         for joint in 1..=out.model.robot.dof() {
             let name = format!("joint {joint}");
             out.add(name.clone(), Scope::Arm, vec![(name, Site::Joint { joint })]);
@@ -72,6 +89,21 @@ impl Explained {
             }));
         }
         out
+    }
+
+    /// Growth with temperature, and wherever something happened in the course of the calibration's sessions that the model says nothing of here.
+    fn add_of_the_day(&mut self, warmer: f64, file: &ModelFile) {
+        let is_left = |t: &&Term| t.scope() == Scope::Course && self.model.terms.iter().all(|m| m.name != t.name);
+        let mut days = vec![(Site::Links, Daily::Sd(EXPANSION * warmer))];
+        for t in file.model.terms.iter().filter(is_left) {
+            if days.iter().all(|(site, daily)| *site != t.site || matches!(daily, Daily::Sd(_))) {
+                days.push((t.site, Daily::Course));
+            }
+        }
+        for (site, daily) in days {
+            self.of_the_day.push((self.model.terms.len(), daily));
+            self.model.terms.push(Term::new("of the day", "of the day", site, Basis::CONSTANT));
+        }
     }
 
     fn add(&mut self, what: String, scope: Scope, sites: Vec<(String, Site)>) {

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use serde::Serialize;
 use trical_model::Scope;
 
-use super::settings::{BEYOND, CHANGES, FAR_TURNED_DEG, MORE_SCATTER, NO_FIT, UNUSUAL};
+use super::settings::{BEYOND, CHANGES, FAR_TURNED_DEG, MORE_SCATTER, NO_FIT, UNUSUAL, WARMER};
 use crate::dataset::Rejected;
 use crate::rigid::moved;
 use crate::validate::LeftOut;
@@ -97,6 +97,8 @@ pub struct Comparison {
     pub more_noise: f64,
     /// Mean temperature of the recording, degC, where it was recorded.
     pub temp_c: Option<f64>,
+    /// By how much warmer it was than at the calibration, K, where both were recorded.
+    pub warmer: Option<f64>,
     /// Every explanation's own numbers, each fitted alone, where the measurements determine them.
     pub alone: Vec<Changed>,
 }
@@ -240,6 +242,13 @@ fn summary(c: &Comparison) -> String {
     words.extend(scatter_in_words(c));
     if c.changes.len() == CHANGES && c.changes.iter().filter(|c| c.scope == Scope::Arm).count() > 1 {
         words.push("So much is different that this may be another arm of the same kind.".into());
+    }
+    if let Some(warmer) = c.warmer.filter(|w| w.abs() >= WARMER) {
+        let than = if warmer > 0.0 { "warmer" } else { "colder" };
+        words.push(format!(
+            "It was {:.1} K {than} than at the calibration: what growth with temperature may do is not counted as a change.",
+            warmer.abs()
+        ));
     }
     if !c.anew.is_empty() {
         let it = if c.anew.len() > 1 { "them" } else { "it" };

@@ -49,3 +49,12 @@ pub(super) const UNUSUAL: f64 = 3.0;
 
 /// A mean error of the new measurements beyond so many times what the calibration left is no such lack.
 pub(super) const BEYOND: f64 = 10.0;
+
+/// By what share of themselves the links of an arm grow with each kelvin: between steel's and aluminium's.
+pub(super) const EXPANSION: f64 = 18e-6;
+
+/// Where one of two temperatures was not recorded they differ by so much, K: rooms do from day to day.
+pub(super) const OTHER_DAY: f64 = 2.0;
+
+/// From so much on, K, another temperature is told.
+pub(super) const WARMER: f64 = 1.0;

@@ -1,11 +1,13 @@
 //! Residuals and columns with unit covariance, what is new projected out.
 
+use std::collections::BTreeMap;
+
 use faer::linalg::solvers::Llt;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Mat, Par, Side};
 use trical_model::Forward;
 
-use super::explanation::{Explained, Explanation};
+use super::explanation::{Daily, Explained, Explanation};
 use super::settings::NEW_SHARE;
 use crate::dataset::Dataset;
 use crate::error::{IdentError, Result};
@@ -22,6 +24,8 @@ pub(super) struct Whitened<'a> {
     pub columns: Vec<Vec<Vec<f64>>>,
     /// Scalars that were measured.
     pub rows: usize,
+    /// Pose of each.
+    poses: Vec<usize>,
     /// By how much the variance of what no explanation takes up is larger than it was, at least 1.
     pub more_noise: f64,
     /// Orthonormal directions of all that may have changed of the machine, and how many directions are new in any case.
@@ -57,15 +61,37 @@ pub(super) fn extend(basis: &mut Vec<Vec<f64>>, columns: &[Vec<f64>]) -> usize {
 
 impl<'a> Whitened<'a> {
     pub fn of(explained: &'a Explained, data: &Dataset, old: &Uncertainty) -> Result<Self> {
-        let Explained { model, explanations, calibrated, new } = explained;
+        let Explained { model, explanations, calibrated, new, of_the_day, beyond } = explained;
         let asked = explanations.iter().flat_map(|e| e.terms.clone());
-        let all: Vec<usize> = calibrated.iter().map(|o| o.0).chain(new.iter().copied()).chain(asked).collect();
+        let all: Vec<usize> = calibrated
+            .iter()
+            .map(|o| o.0)
+            .chain(new.iter().copied())
+            .chain(asked)
+            .chain(of_the_day.iter().map(|d| d.0))
+            .collect();
         let forward = Forward::new(model.clone(), all)?;
         let Linearized { jacobian, residual, spans } = Linearized::of(&forward, data, old)?;
         let (rows, m) = (residual.len(), calibrated.len());
         let of_calibrated = jacobian.submatrix(0, 0, rows, m);
         let mut sigma = of_calibrated * &covariance(model, old, calibrated) * of_calibrated.transpose();
-        (0..rows).for_each(|i| sigma[(i, i)] += 1.0);
+        let effects = (old.effects / old.noise).powi(2);
+        for ((from, n), beyond) in spans.iter().zip(beyond) {
+            (*from..from + n).for_each(|i| sigma[(i, i)] += if *beyond { 1.0 + effects } else { 1.0 });
+        }
+        let first = forward.free().len() - of_the_day.len();
+        let square = |c: usize| jacobian.col(c).squared_norm_l2() / rows as f64;
+        let of_course = of_the_day.iter().filter(|d| matches!(d.1, Daily::Course)).count();
+        for (c, (_, daily)) in (first..).zip(of_the_day) {
+            let sd = match daily {
+                Daily::Sd(sd) => *sd,
+                Daily::Course => old.course / old.noise / (square(c) * of_course as f64).sqrt(),
+            };
+            if sd.is_finite() {
+                let column = jacobian.col(c).as_mat();
+                sigma += (column * column.transpose()) * (sd * sd);
+            }
+        }
         // rounded correlations may be a hair from positive
         let llt = Llt::new(sigma.as_ref(), Side::Lower).map_err(|_| {
             IdentError::WrongModel("[uncertainty] of the model file: its correlations are of no real fit".into())
@@ -105,7 +131,9 @@ impl<'a> Whitened<'a> {
         for (_, columns) in explanations.iter().zip(&columns).filter(|(e, _)| e.is_of_machine()) {
             extend(&mut machine, columns);
         }
-        let mut this = Self { explained, residual, columns, rows, more_noise: 1.0, machine, new: count };
+        let poses =
+            data.observations.iter().zip(&spans).flat_map(|(o, (_, n))| std::iter::repeat_n(o.pose, *n)).collect();
+        let mut this = Self { explained, residual, columns, rows, poses, more_noise: 1.0, machine, new: count };
         this.leave_out(&[]);
         Ok(this)
     }
@@ -116,7 +144,8 @@ impl<'a> Whitened<'a> {
         for k in wrong {
             extend(&mut basis, &self.columns[*k]);
         }
-        self.more_noise = more_noise(self.residual.clone(), &basis, self.new);
+        self.more_noise =
+            more_noise(self.residual.clone(), &basis, self.new) * shared(self.residual.clone(), &basis, &self.poses);
     }
 }
 
@@ -134,6 +163,25 @@ fn more_noise(mut residual: Vec<f64>, basis: &[Vec<f64>], new: usize) -> f64 {
     squares.sort_by(f64::total_cmp);
     let share = rows as f64 / freedom as f64;
     (squares[squares.len() / 2] / 0.4549 * share).max(1.0)
+}
+
+/// By how much larger than by independent measurements the variance along the orthonormal `basis` is, since all that is seen at one pose
+/// shares what the model lacks there; at least 1. The sums over poses of the parts of what is left, beside what they would be.
+fn shared(mut residual: Vec<f64>, basis: &[Vec<f64>], poses: &[usize]) -> f64 {
+    project_out(&mut residual, basis);
+    let mut by_pose: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    poses.iter().enumerate().for_each(|(row, pose)| by_pose.entry(*pose).or_default().push(row));
+    let freedom = residual.len().saturating_sub(basis.len()).max(1) as f64;
+    let variance = dot(&residual, &residual) / freedom;
+    let (mut found, mut expected) = (0.0, 0.0);
+    for rows in by_pose.values() {
+        let along = |a: &[f64], b: &[f64]| rows.iter().map(|row| a[*row] * b[*row]).sum::<f64>();
+        for d in basis {
+            found += along(d, &residual).powi(2);
+            expected += variance * (along(d, d) - basis.iter().map(|b| along(d, b).powi(2)).sum::<f64>());
+        }
+    }
+    if expected > 0.0 { (found / expected).max(1.0) } else { 1.0 }
 }
 
 /// Derivatives to the free terms of a model, and residuals, in standard deviations of the noise.

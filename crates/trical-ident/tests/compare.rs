@@ -1,7 +1,7 @@
 //! Is this arm still what it was: a few touches against an earlier calibration.
 
 use trical_ident::{Aim, Comparison, ModelFile, Options, ParameterSet, calibrate, compare, history};
-use trical_model::{Axis, Basis, Model, Motion, Recording, Scope, Site, Task, Term};
+use trical_model::{Axis, Basis, Model, Motion, Recording, Scope, Shape, Site, Task, Term, Variable};
 
 use crate::sessions;
 
@@ -82,6 +82,48 @@ fn a_lost_joint_zero_a_new_tool_and_a_carried_plate_are_told_apart_with_their_si
     assert_eq!((c.verdict, c.changes[0].what.as_str()), ("setup changed", "tool"));
     let c = compared(&truth, &file, Some((Site::Base(Motion::Along(Axis::Y)), 5e-4)));
     assert_eq!((c.verdict, c.changes[0].what.as_str()), ("setup changed", "base"));
+}
+
+#[test]
+fn a_warmer_arm_is_told_as_warmer_and_not_as_changed() {
+    let truth = truth();
+    let file = calibrated(&truth);
+    let warm = |kelvin: f64, change: f64, recorded: bool| {
+        let mut arm = truth.clone();
+        let term = |site, value| Term { value, ..Term::new("change", "change", site, Basis::CONSTANT) };
+        arm.terms.extend([term(Site::Links, 14e-6 * kelvin), term(Site::Joint { joint: 2 }, change)]);
+        let mut new = Recording { name: "new.csv".into(), ..crate::arm::touch(&arm, 10, NOISE / 2.0, 99) };
+        new.rows.iter_mut().for_each(|r| r.state.temp_c = r.state.temp_c.filter(|_| recorded).map(|t| t + kelvin));
+        compare(&truth.cell, &file, &new, None).unwrap()
+    };
+    let c = warm(6.0, 0.0, true);
+    assert_eq!(c.verdict, "unchanged", "{}", c.summary);
+    assert!(
+        c.summary.contains("It was 6.") && c.summary.contains(" K warmer than at the calibration"),
+        "{}",
+        c.summary
+    );
+    let c = warm(6.0, 0.05_f64.to_radians(), true);
+    assert_eq!((c.verdict, c.changes[0].what.as_str()), ("arm changed", "joint 2"), "{}", c.summary);
+    let c = warm(2.0, 0.0, false);
+    assert_eq!((c.verdict, c.warmer), ("unchanged", None), "{}", c.summary);
+    assert!(!c.summary.contains("warmer"));
+}
+
+#[test]
+fn what_happened_in_the_course_of_the_old_session_is_no_change() {
+    let truth = truth();
+    let mut file = calibrated(&truth);
+    let offset = Some((Site::Joint { joint: 3 }, 0.02_f64.to_radians()));
+    assert_eq!(compared(&truth, &file, offset).verdict, "arm changed");
+    let clock = Basis { session: Some(1), ..Basis::new(Variable::Time, Shape::Linear) };
+    let drift = Term::new("drift", "thermal_zero_drift", Site::Joint { joint: 3 }, clock);
+    assert_eq!(drift.scope(), Scope::Course);
+    file.model.terms.push(Term { value: 1e-7, sd: Some(1e-8), ..drift });
+    file.uncertainty.as_mut().unwrap().course = 1e-4;
+    let c = compared(&truth, &file, offset);
+    assert_eq!(c.verdict, "unchanged", "{}", c.summary);
+    assert_eq!(compared(&truth, &file, Some((Site::Joint { joint: 2 }, 0.05_f64.to_radians()))).verdict, "arm changed");
 }
 
 /// What such a calibration lacks of the arm would differ from pose to pose, and look like a change.

@@ -216,7 +216,26 @@ impl Linearized {
 
 #[cfg(test)]
 mod tests {
-    use super::extend;
+    use rand::{RngExt, SeedableRng};
+
+    use super::{extend, shared};
+
+    #[test]
+    fn what_all_rows_of_a_pose_share_counts_once() {
+        let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(3);
+        let (poses, rows) = (60, 6);
+        let of_pose: Vec<usize> = (0..poses * rows).map(|row| row / rows).collect();
+        let mut numbers = |count: usize| -> Vec<f64> { (0..count).map(|_| rng.random_range(-1.0..1.0)).collect() };
+        let mut basis = Vec::new();
+        // each direction has one sign at each pose, as the motion of a joint has
+        let directions: Vec<Vec<f64>> =
+            (0..5).map(|_| numbers(poses)).map(|d| of_pose.iter().map(|p| d[*p]).collect()).collect();
+        extend(&mut basis, &directions);
+        let apart = shared(numbers(poses * rows), &basis, &of_pose);
+        let together = numbers(poses);
+        let together = shared(of_pose.iter().map(|p| together[*p]).collect(), &basis, &of_pose);
+        assert!(apart < 1.3 && (4.5..7.5).contains(&together), "{apart} {together}");
+    }
 
     #[test]
     fn what_is_all_but_said_by_others_is_no_other_direction() {

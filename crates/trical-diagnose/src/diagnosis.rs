@@ -88,6 +88,9 @@ pub struct Finding {
     pub summary: String,
     /// What the owner of the arm can do.
     pub action: &'static str,
+    /// Whether the model corrects it in other sessions: what belongs to the arm, and what goes with a temperature that can be stated.
+    #[serde(skip)]
+    pub corrected: bool,
     /// Length of its signature after projection, in units of the noise.
     pub lambda: f64,
     /// Coefficients.

@@ -5,7 +5,7 @@ use trical_ident::dataset::Dataset;
 use trical_ident::fit::position_errors;
 use trical_ident::identify::{ErrorSummary, Identified};
 use trical_ident::units::unit;
-use trical_model::{Forward, Model, Place, Robot, Scope, Term};
+use trical_model::{Forward, Model, Place, Robot, Scope, Term, Variable};
 
 use crate::candidate::{Candidate, cycles_of};
 use crate::diagnosis::{Blind, Coefficient, Evidence, Finding, Rival, Unexplained};
@@ -130,12 +130,14 @@ pub(crate) fn finding(
     });
     let variance = with.ss / search.freedom(&with);
     let described = effect.effect();
+    let scope = if local[first].is_course() { Scope::Course } else { described.scope };
+    let warms = local[first].terms.iter().any(|t| matches!(t.basis.of, Variable::Temperature { .. }));
     let finding = Finding {
         effect,
         site: local[first].site,
         located: located(group, local),
         family: described.family,
-        scope: if local[first].is_course() { Scope::Course } else { described.scope },
+        scope,
         session: None,
         confidence: 0.0,
         place_confidence: 0.0,
@@ -143,7 +145,8 @@ pub(crate) fn finding(
         share: 0.0,
         replicated: Replicated::default(),
         summary: String::new(),
-        action: described.action,
+        action: if warms { WITH_TEMPERATURE } else { described.action },
+        corrected: scope == Scope::Arm || warms,
         lambda: (dss * search.temper / variance).max(0.0).sqrt(),
         coefficients: group.members.iter().flat_map(|m| coefficients(model, &local[*m])).collect(),
         evidence: Evidence {
@@ -159,6 +162,10 @@ pub(crate) fn finding(
     };
     (finding, best)
 }
+
+/// What to do about what goes with a temperature that was recorded.
+const WITH_TEMPERATURE: &str =
+    "Give the temperature when a program is compensated, or let the arm warm up before it is used.";
 
 /// What the members of a group do, in words. Waves of a joint are told together: ripples with the number of their gear, an encoder's behind its
 /// curve.

@@ -11,7 +11,7 @@ use std::collections::BTreeSet;
 
 use trical_ident::by_place::choose;
 use trical_ident::calibration::own_setup;
-use trical_ident::caution::{held, near_nominal};
+use trical_ident::caution::{held, near_nominal, refuse_no_arm};
 use trical_ident::dataset::{Dataset, Observation};
 use trical_ident::error::Result;
 use trical_ident::follow::refuse_stuck_stems;
@@ -147,6 +147,7 @@ impl Rounds {
         let choice = choice.with_own(own);
         let (robot, choice, _) = choose(robot, cell, &all, &choice)?;
         let fitted = identify(&robot, cell, &all, choice)?;
+        refuse_no_arm(&fitted)?;
         let mut known = fitted.known.clone();
         known.resize(fitted.model.terms.len(), Known::NOTHING);
         // an effect of the load times a compliance could be anything, were the compliance so

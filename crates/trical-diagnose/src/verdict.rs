@@ -1,6 +1,6 @@
 //! What a diagnosis comes to, in plain sentences and as a table: each claim at the finest level that is sure.
 
-use trical_model::{Place, Robot, Scope};
+use trical_model::{Place, Robot};
 
 use crate::diagnosis::{Finding, RowKind, Unexplained, Verdict, VerdictRow};
 use crate::effect_id::{EffectId, UNEXPLAINED};
@@ -371,7 +371,7 @@ fn row_of(findings: &[Finding], first: usize, step: &Step, [before_mm, after_mm]
         before_mm,
         after_mm,
         action: (said_at == Level::Effect).then_some(f.action),
-        corrected: f.scope == Scope::Arm,
+        corrected: f.corrected,
         findings: step.findings.clone(),
     }
 }
@@ -383,10 +383,14 @@ fn rest_row(rows: &[&VerdictRow], errors: [f64; 2]) -> VerdictRow {
     let sure =
         |r: &&&VerdictRow| r.kind == RowKind::Finding && r.confidence.is_some_and(|[low, _]| low >= NAMED_IN_REST);
     let named: Vec<&&VerdictRow> = rows.iter().filter(sure).take(MOST_NAMED_IN_REST).collect();
-    let mut said: Vec<String> = named
-        .iter()
-        .map(|r| r.probability().map_or_else(|| small(&r.text), |p| format!("{} ({p})", small(&r.text))))
-        .collect();
+    // what the model does not correct is for its owner to mend
+    let to_mend =
+        |r: &VerdictRow| r.action.filter(|_| !r.corrected).map(|a| format!("; {}", small(a.trim_end_matches('.'))));
+    let in_words = |r: &VerdictRow| {
+        let sure: String = r.probability().into_iter().chain(to_mend(r)).collect();
+        if sure.is_empty() { small(&r.text) } else { format!("{} ({sure})", small(&r.text)) }
+    };
+    let mut said: Vec<String> = named.iter().map(|r| in_words(r)).collect();
     if rows.iter().any(|r| r.kind == RowKind::Curves) {
         said.push("curves of no known cause".into());
     }

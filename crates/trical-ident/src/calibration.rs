@@ -8,8 +8,8 @@ use trical_recording::CsvStream;
 use crate::ball_places::{place_of, unknown_places};
 use crate::by_place::{ByPlace, MeasuredDistance, OfPlace, TriedByPlace, choose, doubtful_places, score_places};
 use crate::caution::{
-    EVEN_MASSES, beyond_limits, cautions, coincident, held, near_nominal, no_arm, odd_units, too_many, which_target,
-    without_masses,
+    EVEN_MASSES, beyond_limits, cautions, coincident, held, near_nominal, no_arm, odd_units, refuse_no_arm,
+    shared_errors, too_many, which_target, without_masses,
 };
 use crate::dataset::{Dataset, JointSource, Rejected};
 use crate::error::{IdentError, Result};
@@ -242,6 +242,7 @@ impl Calibration {
         out.extend(doubtful_places(&self.places));
         out.extend(held(&f.model.robot, &f.data, &f.held()));
         out.extend(near_nominal(&f.kept_near_nominal()));
+        out.extend(shared_errors(f.design_effect));
         out.extend(self.notes.iter().cloned());
         if self.passes.is_none() {
             out.extend(too_many(f.free.len() as f64, f.free.len(), &Folds::of(&f.data)));
@@ -399,6 +400,9 @@ pub fn calibrate(
     let robot = &robot;
     let elasticity = choice.elasticity(robot, &data)?;
     let fitted = identify(robot, cell, &data, choice.clone())?.with_shared_errors()?;
+    if set != ParameterSet::Nominal {
+        refuse_no_arm(&fitted)?;
+    }
     let nominal = identify(robot, cell, &data, Choice::from(ParameterSet::Nominal).with_own(choice.own().clone()))?;
     let (each_before, after) = (nominal.errors()?, fitted.errors()?);
     let folds = Folds::of(&data);
@@ -515,6 +519,10 @@ pub fn own_setup(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice, to
         all.tool.clear();
     }
     let Ok(fitted) = identify(robot, cell, data, choice.clone().with_own(all.clone())) else {
+        // what one shares with the others cannot be told of it, and they would have to pay for it
+        if tool == ToolSharing::FromData {
+            refuse_short(data)?;
+        }
         let kept = if tool == ToolSharing::Own { all.tool } else { Vec::new() };
         return Ok(OwnSetup { tool: kept, balls: Vec::new() });
     };
@@ -534,6 +542,25 @@ pub fn own_setup(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice, to
     }
     all.balls.retain(|s| needed(*s, true));
     Ok(all)
+}
+
+/// A recording with fewer poses does not say where its tool and its balls are.
+const SHORT: usize = 5;
+
+fn refuse_short(data: &Dataset) -> Result<()> {
+    let poses = |k: usize| data.filtered(|o| o.recording == k).used_poses().len();
+    match (0..data.names.len()).find(|k| poses(*k) < SHORT) {
+        Some(k) => Err(IdentError::Recording {
+            file: data.names[k].clone(),
+            place: "its rows".into(),
+            problem: format!(
+                "found {} poses, too few to tell whether tool and balls are those of the other recordings; expected at least {SHORT}, or to \
+                 be told that all have one tool",
+                poses(k)
+            ),
+        }),
+        None => Ok(()),
+    }
 }
 
 fn session_setups(fitted: &Identified) -> Vec<SessionSetup> {

@@ -4,7 +4,10 @@ use trical_model::{Axis, Basis, Joint, JointKind, Measured, Model, Motion, Param
 
 use crate::dataset::Dataset;
 use crate::degenerate::hardly_moving;
+use crate::error::{IdentError, Result};
 use crate::identifiability::{Elasticity, NEAR_PARALLEL};
+use crate::identify::Identified;
+use crate::rigid::median;
 use crate::weak::SOFTEST;
 
 /// A base farther from where the cell file has it is more likely a mistake than a measurement, m and rad.
@@ -107,6 +110,36 @@ pub fn no_arm(mm: f64, deg: Option<f64>) -> Vec<String> {
     out
 }
 
+/// Refuses a fit that no arm has: half of its errors are larger than this, m.
+const REFUSED: f64 = 5e-2;
+
+/// Intervals that are so many times as wide as by the scatter alone are told.
+const MUCH_WIDER: f64 = 2.0;
+
+/// What to say of errors that neighbouring measurements share; `design_effect` is by how much variances grow for them.
+#[must_use]
+pub fn shared_errors(design_effect: f64) -> Option<String> {
+    let wider = design_effect.sqrt();
+    (wider > MUCH_WIDER).then(|| {
+        format!(
+            "neighbouring measurements have errors in common, so the model lacks something of the arm: the standard deviations are {wider:.1} times \
+             what the scatter of single measurements would say"
+        )
+    })
+}
+
+/// Refuses a fit of the whole geometry that leaves what no arm does.
+///
+/// # Errors
+/// Errors of many centimetres.
+pub fn refuse_no_arm(fitted: &Identified) -> Result<()> {
+    let left = median(&fitted.errors()?);
+    if left > REFUSED {
+        return Err(IdentError::WrongModel(no_arm(left * 1e3, None).join("; ")));
+    }
+    Ok(())
+}
+
 /// What to look at where much is left, mm, and nothing is known that explains it.
 #[must_use]
 pub fn much_left(robot: &Robot, mm: f64) -> Option<String> {
@@ -168,7 +201,19 @@ pub fn cautions(model: &Model, rows: usize, parameters: usize) -> Vec<String> {
 /// What to say of a joint that gives way as none does: its compliance has taken up something else.
 fn too_soft(model: &Model) -> Option<String> {
     let is_sure = |t: &&Term| t.value.abs() > SOFTEST && t.sd.is_some_and(|sd| t.value.abs() > 3.0 * sd);
-    let t = model.terms.iter().filter(|t| t.gives_way().is_some()).find(is_sure)?;
+    let against = |t: &&Term| t.sd.is_some_and(|sd| t.value < -3.0 * sd);
+    let soft = || model.terms.iter().filter(|t| t.gives_way().is_some());
+    let Some(t) = soft().find(is_sure) else {
+        return soft().find(against).map(|t| {
+            let torques = if matches!(t.basis.of, Variable::Torque { .. }) { ", or torques of the other sign" } else { "" };
+            format!(
+                "{} comes out at {:.4} deg/Nm, and no joint moves against its load: something else changes with the load or the inclination \
+                 (a load that the cell file does not have, a base that is not level{torques})",
+                t.name,
+                t.value.to_degrees()
+            )
+        });
+    };
     Some(format!(
         "{} comes out at {:.2} deg/Nm, and no joint gives way like that: something at the tool that changes with how it leans (a loose \
          flange or device) looks like it",

@@ -86,6 +86,8 @@ pub fn compare(
     let mut whitened = Whitened::of(&explained, &data, uncertainty)?;
     let changes = search::changes(&mut whitened);
     let visible = size::visible(&whitened);
+    let set_up = Forward::new(size::set_up_anew(&explained, &changes), Vec::new())?;
+    let of_arm = position_errors(&set_up, &adapted.data);
     let mut out = Comparison {
         recording: recording.name.clone(),
         hash: fingerprint(recording),
@@ -96,6 +98,7 @@ pub fn compare(
         verdict: result::verdict(&changes, &visible, whitened.more_noise.sqrt()),
         summary: String::new(),
         doubt: None,
+        each: size::each(&whitened, &changes),
         changes,
         visible,
         mean_mm: mean(&errors) * 1e3,
@@ -103,7 +106,7 @@ pub fn compare(
         more_noise: whitened.more_noise.sqrt(),
         temp_c: adapted.data.mean_temp_c(),
         warmer,
-        alone: size::alone(&whitened),
+        arm_mm: mean(&of_arm) * 1e3,
     };
     out.tell(usual_mm(&adapted.data), &adapted.left_out);
     let left = out.more_noise * uncertainty.noise;

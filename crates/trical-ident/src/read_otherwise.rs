@@ -65,7 +65,11 @@ pub fn read_otherwise(fitted: &Identified) -> Option<String> {
         .map(|(along, (of, factor))| {
             let sign = if factor < 0.0 { "-" } else { "" };
             let size = factor.abs();
-            let times = if (size - 1.0).abs() < ALIKE { String::new() } else { format!("{size:.2} ") };
+            let times = if (size - 1.0).abs() < ALIKE {
+                String::new()
+            } else {
+                format!("{size:.*} ", (1.0 - size.log10().floor()).clamp(2.0, 6.0) as usize)
+            };
             format!("along {} as {sign}{times}i{}_mm says", Axis::ALL[along].name(), Axis::ALL[of].name())
         })
         .collect();

@@ -323,7 +323,7 @@ fn one_touch_among_many_is_wrong_where_it_is_far_beyond_the_others_and_not_where
 fn what_the_calibration_needs_and_the_recording_does_not_have_is_told() {
     let truth = truth();
     let mut file = calibrated(&truth);
-    let warm = Basis::new(trical_model::Variable::Temperature { reference_c: 20.0 }, trical_model::Shape::Linear);
+    let warm = Basis::new(Variable::Temperature { reference_c: 20.0 }, Shape::Linear);
     let term = Term::new("warm_3", "thermal_zero_drift", Site::Joint { joint: 3 }, warm);
     file.model.terms.push(Term { value: 1e-5, ..term });
     let mut recording = later(&truth, None, "new.csv", 99);

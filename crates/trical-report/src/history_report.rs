@@ -32,11 +32,11 @@ pub fn render(h: &History, file: &ModelFile, made: Made) -> Result<String> {
             .with_tables([sessions(h)])
             .with_figures(over_sessions(over, left, errors)?),
     ];
-    let names = h.sessions.first().map_or(&[][..], |s| s.alone.as_slice());
+    let names = h.sessions.first().map_or(&[][..], |s| s.each.as_slice());
     let mut figures = Vec::new();
     for p in names {
         let here = at.iter().zip(&h.sessions).filter_map(|(x, s)| {
-            let own = s.alone.iter().find(|o| o.name == p.name && o.unit == p.unit)?;
+            let own = s.each.iter().find(|o| o.name == p.name && o.unit == p.unit)?;
             Some((*x, own.value, own.sd))
         });
         let points: Vec<(f64, f64, f64)> = here.filter(|(_, value, sd)| value.is_finite() && sd.is_finite()).collect();

@@ -1,6 +1,7 @@
 //! The verdict of a diagnosis in a few lines for a terminal, and as rows for a page.
 
 use trical_diagnose::{Diagnosis, Finding, RowKind, VerdictRow};
+use trical_ident::compare::capital;
 use trical_ident::identify::ErrorSummary;
 use trical_ident::{JointSource, caution};
 
@@ -36,12 +37,17 @@ pub fn advice(row: &VerdictRow) -> String {
     said.join(" ")
 }
 
-/// "Do: have the indicator calibrated."
+/// "Do: have the indicator calibrated." Of what the model corrects, what else may be done: "Or have the rail levelled."
 #[must_use]
 pub fn to_do(row: &VerdictRow) -> Option<String> {
-    let mut chars = row.action.filter(|a| !a.starts_with(BY_THE_MODEL))?.chars();
-    let first = chars.next().map(|c| c.to_ascii_lowercase()).into_iter();
-    Some(format!("Do: {}", first.chain(chars).collect::<String>()))
+    let action = row.action?;
+    let Some(else_) = action.strip_prefix(BY_THE_MODEL) else {
+        let mut chars = action.chars();
+        let first = chars.next().map(|c| c.to_ascii_lowercase()).into_iter();
+        return Some(format!("Do: {}", first.chain(chars).collect::<String>()));
+    };
+    let also = else_.trim_start_matches([':', ';', ',', '.', ' ']);
+    (!also.is_empty()).then(|| capital(also))
 }
 
 /// "0.509 -> 0.171", or one number where nothing changes.
@@ -187,7 +193,14 @@ pub fn elsewhere(d: &Diagnosis) -> Option<String> {
         let plain = plain.map_or_else(String::new, |p| format!(" (plain model: {:.decimals$})", p.rms_mm));
         Some(format!("{at} that it was not fitted to: {:.decimals$} mm{plain}", whole.rms_mm))
     };
-    all.into_iter().find_map(told)
+    all.into_iter().find_map(told).or_else(|| {
+        // of one session alone: what happened in its course is in the errors, and not in those of a program
+        let course = d.uncertainty.as_ref().map_or(0.0, |u| u.course / u.noise);
+        let there = d.after.holdout_rms_mm * course.hypot(1.0);
+        (there > MUCH_WORSE * d.after.holdout_rms_mm).then(|| {
+            format!("in another session about {there:.decimals$} mm, since what happened in the course of this one is not corrected there")
+        })
+    })
 }
 
 /// The verdict in ten lines at most: measurements, then the table with what to do. What does not fit is summed up.
@@ -264,9 +277,11 @@ mod tests {
             ..found.clone()
         };
         assert_eq!(sentence(&one), "Lost motion at joint 3 (99 %), perhaps backlash (40 %)");
-        // what asks nothing but to use the model is no advice
-        let silent = VerdictRow { action: Some("Let the calibrated model correct it"), corrected: false, ..found };
-        assert_eq!(advice(&silent), "");
+        // what asks nothing but to use the model is no advice, what else may be done is
+        let asks = |action| VerdictRow { action: Some(action), corrected: true, ..found.clone() };
+        assert_eq!(advice(&asks("Let the calibrated model correct it.")), "Modelled.");
+        let worn = asks("Let the calibrated model correct it; where it grows, have the gear checked.");
+        assert_eq!(advice(&worn), "Modelled. Where it grows, have the gear checked.");
     }
 
     #[test]

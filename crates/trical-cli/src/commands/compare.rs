@@ -138,7 +138,7 @@ fn tidy(arm: &str, each: &[Comparison]) -> String {
             let of = [arm, &c.recording, &c.hash, &temp, parameter, &value.to_string(), &sd, unit, scope, verdict];
             rows.push(of.map(str::to_owned));
         };
-        for p in &c.alone {
+        for p in &c.each {
             let of = |change: &&Change| change.by.iter().any(|b| b.name == p.name);
             let verdict = match c.changes.iter().find(of).map(Change::is_likely) {
                 Some(true) => "changed",

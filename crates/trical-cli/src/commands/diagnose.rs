@@ -45,7 +45,7 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
     next: Option<u16>,
     /// Where to write the touches of --next
-    #[arg(long, value_name = "FILE", default_value = "next.csv")]
+    #[arg(long, value_name = "FILE", default_value = "next.csv", requires = "next")]
     next_out: PathBuf,
     /// A machine-readable summary on standard output
     #[arg(long)]

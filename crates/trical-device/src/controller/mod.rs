@@ -210,7 +210,9 @@ pub enum ControllerError {
     #[error(transparent)]
     Url(#[from] UrlError),
     /// No connection.
-    #[error("robot controller {address}: cannot connect ({reason}); is the module loaded and running?")]
+    #[error(
+        "robot controller {address}: cannot connect ({reason}); is it on and at this address, and does its program for TriCal run?"
+    )]
     Connect {
         /// Address that was tried.
         address: String,

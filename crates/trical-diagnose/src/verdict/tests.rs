@@ -1,3 +1,5 @@
+use trical_model::Scope;
+
 use super::*;
 use crate::diagnosis::{Evidence, Rival};
 use crate::probability::Replicated;
@@ -19,6 +21,7 @@ fn finding(effect: EffectId, joint: usize, [place, family, name]: [f64; 3], [bef
         replicated: Replicated::default(),
         summary: String::new(),
         action: described.action,
+        corrected: described.scope == Scope::Arm,
         lambda: 9.0,
         coefficients: Vec::new(),
         evidence: Evidence {
@@ -227,6 +230,11 @@ fn sure_findings_without_a_row_of_their_own_are_named_by_what_they_are_together(
     );
     assert_eq!(rest.findings, [2, 3, 4, 5, 6, 7, 8]);
     assert!(rest.corrected);
+    // and what is to be done about those that the model does not correct
+    let moves = finding(EffectId::FrameDrift, 1, SURE, [0.1, 0.0999]);
+    let verdict = told(&[findings[0].clone(), moves], &[], [(31, 0.5), (90, 0.0999)]);
+    let rest = verdict.rows.into_iter().find(|r| r.kind == RowKind::Rest).unwrap_or_else(|| unreachable!());
+    assert!(rest.text.contains("; fasten the instrument, let it warm up"), "{}", rest.text);
     // of what is not the arm's nothing is corrected
     let late = [1, 2].map(|joint| finding(EffectId::LateJointReading, joint, SURE, [0.5, 0.499]));
     assert!(

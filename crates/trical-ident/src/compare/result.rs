@@ -91,6 +91,8 @@ pub struct Comparison {
     pub visible: Vec<Visible>,
     /// Mean position error by the old model as it is, mm; what is new in any case identified.
     pub mean_mm: f64,
+    /// The same with the changes of tool and base that were found: what identifying these anew leaves.
+    pub arm_mm: f64,
     /// Standard deviation of each coordinate in the old session, mm.
     pub noise_mm: f64,
     /// By how much more the touches scatter than that, whatever changed; 1 where they do not.
@@ -99,8 +101,8 @@ pub struct Comparison {
     pub temp_c: Option<f64>,
     /// By how much warmer it was than at the calibration, K, where both were recorded.
     pub warmer: Option<f64>,
-    /// Every explanation's own numbers, each fitted alone, where the measurements determine them.
-    pub alone: Vec<Changed>,
+    /// Every explanation's own numbers, each fitted beside the changes that were found, where the measurements determine them.
+    pub each: Vec<Changed>,
 }
 
 impl Comparison {

@@ -3,9 +3,10 @@
 use faer::linalg::solvers::{Llt, Solve};
 use faer::{Mat, Side};
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
+use trical_model::{Model, Scope};
 
-use super::explanation::Explanation;
-use super::result::{Changed, Visible, point_and_axis};
+use super::explanation::{Explained, Explanation};
+use super::result::{Change, Changed, Visible, point_and_axis};
 use super::settings::{FALSE_ALARMS, FOUND, LARGEST_DEG, LARGEST_MM, SHARE};
 use super::whitened::{Whitened, extend};
 use crate::triangle::dot;
@@ -49,16 +50,32 @@ pub(super) fn sizes(whitened: &Whitened<'_>, chosen: &[usize]) -> Vec<Vec<Change
     chosen.iter().map(of).collect()
 }
 
-/// Each explanation's own numbers, fitted alone, where the measurements determine them.
-pub(super) fn alone(whitened: &Whitened<'_>) -> Vec<Changed> {
+/// Each explanation's own numbers, fitted beside the changes that were found, where the measurements determine them.
+pub(super) fn each(whitened: &Whitened<'_>, changes: &[Change]) -> Vec<Changed> {
+    let explanations = &whitened.explained.explanations;
+    let found = |k: &usize| changes.iter().any(|c| c.what == explanations[*k].what);
+    let taken: Vec<usize> = (0..explanations.len()).filter(found).collect();
     // the base with its direction has the numbers of the base, too
-    let asked = |e: &Explanation| e.is_of_machine() && e.what != "base";
-    let explanations = whitened.explained.explanations.iter().enumerate();
-    explanations
-        .filter(|(_, e)| asked(e))
-        .flat_map(|(k, _)| sizes(whitened, &[k]).concat())
-        .filter(|c| c.sd < largest(&c.unit)) // what the session's own frame takes up has no size
-        .collect()
+    let asked = |k: &usize| explanations[*k].is_of_machine() && (found(k) || explanations[*k].what != "base");
+    let own = |k: usize| {
+        let beside: Vec<usize> = taken.iter().copied().filter(|t| *t != k).chain([k]).collect();
+        sizes(whitened, &beside).pop().unwrap_or_default()
+    };
+    let all = (0..explanations.len()).filter(asked).flat_map(own);
+    // what the session's own frame takes up has no size
+    all.filter(|c| c.sd < largest(&c.unit)).collect()
+}
+
+/// The model with the changes of tool and base that were found.
+pub(super) fn set_up_anew(explained: &Explained, changes: &[Change]) -> Model {
+    let mut model = explained.model.clone();
+    for change in changes.iter().filter(|c| c.scope == Scope::Setup) {
+        let own = explained.explanations.iter().find(|e| e.what == change.what).map(|e| e.terms.clone());
+        for (k, by) in own.into_iter().flatten().zip(&change.by) {
+            model.terms[k].value = by.value / unit(&model.robot, &model.terms[k]).per_si;
+        }
+    }
+    model
 }
 
 /// The smallest change of each explanation that would be found.

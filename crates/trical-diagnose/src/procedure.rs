@@ -1,7 +1,9 @@
 //! The procedure: rejection, baseline, rounds of selection and exact refit, proof, findings.
 
+use std::collections::BTreeSet;
+
 use trical_ident::HeldOut;
-use trical_ident::caution::{EVEN_MASSES, cautions, too_many, without_masses};
+use trical_ident::caution::{EVEN_MASSES, cautions, listed, too_many, without_masses};
 use trical_ident::dataset::Dataset;
 use trical_ident::date::newest;
 use trical_ident::error::Result;
@@ -148,31 +150,34 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
     Ok(diagnosis)
 }
 
-/// What to say where a joint has another zero in one session than in the others: which of them the model has, by the dates in their names.
+/// What to say where a joint has another zero in some sessions than in the others: which of them the model has, by the dates in their names.
 fn another_zero(grounds: &[(Vec<Candidate>, Vec<Candidate>)], names: &[String]) -> Option<String> {
     let of_session = |(members, _): &(Vec<Candidate>, Vec<Candidate>)| {
         members
             .iter()
             .find(|c| c.is_of_whole_session())
-            .and_then(|c| Some((c.site.joint()?, c.terms[0].basis.session?)))
+            .and_then(|c| Some((c.site.joint()?, c.terms[0].basis.session? as usize - 1)))
     };
-    let (joint, session) = grounds.iter().find_map(of_session)?;
-    let odd = session as usize - 1;
+    let (joint, first) = grounds.iter().find_map(of_session)?;
+    let all = grounds.iter().filter_map(of_session).filter(|(of, _)| *of == joint).map(|(_, session)| session);
+    let all: BTreeSet<usize> = all.collect();
     match newest(names.iter().map(String::as_str)) {
-        Some(newest) if newest == odd => {
+        Some(newest) if all.contains(&newest) => {
             return Some(format!(
                 "joint {joint} has another zero in {}, the newest session, than before: the model has the arm as it is now, and programs are \
                  corrected for that",
-                names[odd]
+                names[newest]
             ));
         }
         Some(_) => return None,
         None => {}
     }
-    let (odd, others) = (&names[odd], if names.len() == 2 { "other" } else { "others" });
-    let which = if names.len() == 2 { "; which of them is the odd one, two sessions hardly tell" } else { "" };
+    let odd = listed(&all.iter().map(|k| names[*k].clone()).collect::<Vec<_>>(), "and");
+    let others = if names.len() == all.len() + 1 { "other" } else { "others" };
+    let which = if names.len() == 2 { "; two sessions cannot show which of them differs" } else { "" };
+    let now = &names[first];
     Some(format!(
-        "joint {joint} has another zero in {odd} than in the {others}{which}; the model has that of the {others}. Where {odd} is the newest, say so by \
+        "joint {joint} has another zero in {odd} than in the {others}{which}; the model has that of the {others}. Where {now} is the newest, say so by \
          dates in the names of the recordings (as in cell-2026-11-22.csv): the model then has the arm as it is now"
     ))
 }

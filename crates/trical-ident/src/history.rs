@@ -83,7 +83,7 @@ pub fn history(
     let days = days.map(|d| d.iter().map(|x| x - first).collect::<Vec<_>>());
     learnt.iter_mut().for_each(|b| b.day = b.day.filter(|_| days.is_some()).map(|day| day - first));
     let steps = days.clone().unwrap_or_else(|| (0..sessions.len()).map(|k| k as f64).collect());
-    let errors: Vec<f64> = sessions.iter().map(|s| s.arm_mm).collect();
+    let errors: Vec<f64> = sessions.iter().map(|s| s.mean_mm).collect();
     let trend = trend(&steps, &errors);
     let due = due(&sessions, &steps, trend, need_mm, if days.is_some() { "days" } else { "sessions" });
     Ok(History { learnt, sessions, days, trend, due })
@@ -119,21 +119,6 @@ fn trend(x: &[f64], y: &[f64]) -> Option<Trend> {
 
 fn due(sessions: &[Comparison], steps: &[f64], trend: Option<Trend>, need: Option<f64>, unit: &str) -> String {
     let Some(last) = sessions.last() else { return String::new() };
-    let of_arm = due_of_arm(sessions, steps, trend, need, unit);
-    if last.changes.iter().any(|c| c.scope == Scope::Setup && c.is_likely()) {
-        return format!(
-            "In the last session ({}) tool or base stood elsewhere: identify them again, by themselves. Of the arm, without that: {}{}",
-            last.recording,
-            of_arm.chars().next().into_iter().flat_map(char::to_lowercase).collect::<String>(),
-            of_arm.chars().skip(1).collect::<String>()
-        );
-    }
-    of_arm
-}
-
-/// When the arm has to be calibrated again, whatever became of tool and base.
-fn due_of_arm(sessions: &[Comparison], steps: &[f64], trend: Option<Trend>, need: Option<f64>, unit: &str) -> String {
-    let Some(last) = sessions.last() else { return String::new() };
     let differs = ["arm changed", "does not fit"].contains(&last.verdict);
     if differs && last.doubt.is_none() {
         return format!(
@@ -141,11 +126,19 @@ fn due_of_arm(sessions: &[Comparison], steps: &[f64], trend: Option<Trend>, need
             last.recording
         );
     }
+    let of_setup = last.changes.iter().any(|c| c.scope == Scope::Setup && c.is_likely());
+    if let Some(need) = need.filter(|need| of_setup && !differs && last.mean_mm > *need && last.arm_mm <= *need) {
+        return format!(
+            "The arm need not be calibrated again: with the tool or base of the last session ({}) identified again, the mean error is {:.3} mm \
+             of the {need} mm that the work allows.",
+            last.recording, last.arm_mm
+        );
+    }
     // too large an error is one, whatever caused it
-    if let Some(need) = need.filter(|need| last.arm_mm > *need) {
+    if let Some(need) = need.filter(|need| last.mean_mm > *need) {
         return format!(
             "The next calibration is due now: the mean error is {:.3} mm, more than the {need} mm that the work allows.",
-            last.arm_mm
+            last.mean_mm
         );
     }
     if differs {
@@ -175,22 +168,22 @@ fn due_of_arm(sessions: &[Comparison], steps: &[f64], trend: Option<Trend>, need
         return format!(
             "The next calibration is not due yet: the mean error is {:.3} mm of the {need} mm that the work allows. Whether it grows cannot be told from fewer than four \
              sessions.",
-            last.arm_mm
+            last.mean_mm
         );
     }
     match trend.filter(|t| t.p_value < 0.05) {
         None => format!(
             "The next calibration is not due yet: the mean error is {:.3} mm of the {need} mm that the work allows, and does not grow.",
-            last.arm_mm
+            last.mean_mm
         ),
         Some(t) => {
             let here = steps.last().copied().unwrap_or(0.0);
-            let left = (need - last.arm_mm) / t.mm_per_step;
-            let soonest = (need - last.arm_mm) / (t.mm_per_step + 2.0 * t.sd);
+            let left = (need - last.mean_mm) / t.mm_per_step;
+            let soonest = (need - last.mean_mm) / (t.mm_per_step + 2.0 * t.sd);
             let began = if unit == "days" { format!(" (day {here:.0} since the first)") } else { String::new() };
             format!(
                 "The next calibration is due {left:.0} {unit} after the last session{began}, {soonest:.0} {unit} at the earliest: the mean error is {:.3} mm of the {need} mm that the work allows, and grows by {:.4} mm in each of them.",
-                last.arm_mm, t.mm_per_step
+                last.mean_mm, t.mm_per_step
             )
         }
     }
@@ -216,7 +209,7 @@ mod tests {
     #[test]
     fn the_next_calibration_is_due_when_the_trend_reaches_what_the_work_allows() {
         let last = |mean_mm: f64, verdict: &'static str| {
-            vec![Comparison { recording: "last.csv".into(), verdict, arm_mm: mean_mm, ..Comparison::default() }]
+            vec![Comparison { recording: "last.csv".into(), verdict, mean_mm, ..Comparison::default() }]
         };
         let grows = |p_value: f64| Some(Trend { mm_per_step: 0.002, sd: 0.0005, p_value });
         let says = |sessions: &[Comparison], trend, need| due(sessions, &[0.0, 30.0], trend, need, "days");

@@ -366,6 +366,12 @@ fn months_of_growing_errors_say_when_the_next_calibration_is_due() {
     );
     let h = history(&truth.cell, &file, &sessions[..4], None, Some(0.01)).unwrap();
     assert!(h.due.starts_with("The next calibration is due now: the mean error is"), "{}", h.due);
+    // a tool that was mounted again is not the arm's
+    let moved = later(&truth, Some((Site::Tool(Motion::Along(Axis::X)), 1e-3)), "2026-07-01.csv", 60);
+    let h = history(&truth.cell, &file, &[moved], None, Some(0.1)).unwrap();
+    assert!(h.due.starts_with("The arm need not be calibrated again: with the tool"), "{}", h.due);
+    let [last] = &h.sessions[..] else { unreachable!() };
+    assert!(last.mean_mm > 0.5 && last.arm_mm < 0.05, "{last:?}");
 }
 
 #[test]

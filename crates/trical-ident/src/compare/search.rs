@@ -2,8 +2,9 @@
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
+use super::explanation::Explanation;
 use super::result::Change;
-use super::settings::{CHANGES, FALSE_ALARMS, SHARE, TAILS};
+use super::settings::{CHANGES, CLEARLY_BETTER, FALSE_ALARMS, SHARE, TAILS};
 use super::size::sizes;
 use super::whitened::{Whitened, extend, project_out};
 use crate::triangle::dot;
@@ -26,47 +27,93 @@ impl Tried {
 
 /// What changed, the surest first.
 pub(super) fn changes(whitened: &mut Whitened<'_>) -> Vec<Change> {
+    let mut taken: Vec<(usize, Change)> = Vec::new();
+    let but = |taken: &[(usize, Change)], own: Option<usize>| -> Vec<usize> {
+        taken.iter().map(|t| t.0).filter(|k| Some(*k) != own).collect()
+    };
+    while taken.len() < CHANGES {
+        let beside = Beside::of(whitened, &but(&taken, None));
+        let Some(best) = beside.best() else { break };
+        taken.push((best, beside.told(best)));
+        leave_out_wrong(whitened, &but(&taken, None));
+    }
+    // what was taken first stood for what came later, too
+    for _ in 0..CHANGES {
+        let before = but(&taken, None);
+        for own in before.iter().copied() {
+            let beside = Beside::of(whitened, &but(&taken, Some(own)));
+            match beside.best() {
+                None => taken.retain(|t| t.0 != own),
+                Some(best) if beside.tried[best].evidence > beside.tried[own].evidence + CLEARLY_BETTER => {
+                    let told = beside.told(best);
+                    taken.iter_mut().filter(|t| t.0 == own).for_each(|t| *t = (best, told.clone()));
+                }
+                Some(_) => {}
+            }
+        }
+        if but(&taken, None) == before {
+            break;
+        }
+        leave_out_wrong(whitened, &but(&taken, None));
+    }
+    let sizes = sizes(whitened, &but(&taken, None));
+    taken.into_iter().zip(sizes).map(|((_, change), by)| Change { by, ..change }).collect()
+}
+
+/// Measurements that are wrong are not counted in the scatter.
+fn leave_out_wrong(whitened: &mut Whitened<'_>, taken: &[usize]) {
     let explanations = &whitened.explained.explanations;
-    let limit = FALSE_ALARMS / explanations.len() as f64;
-    let rows = whitened.rows as f64;
-    let (mut taken, mut basis): (Vec<usize>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
-    let mut out = Vec::new();
-    while out.len() < CHANGES {
-        let tried = tried(whitened, &basis, &taken);
+    let wrong: Vec<usize> = taken.iter().copied().filter(|k| !explanations[*k].is_of_machine()).collect();
+    whitened.leave_out(&wrong);
+}
+
+/// All explanations beside some that were taken.
+struct Beside<'a> {
+    explanations: &'a [Explanation],
+    rows: f64,
+    tried: Vec<Tried>,
+}
+
+impl<'a> Beside<'a> {
+    fn of(whitened: &Whitened<'a>, taken: &[usize]) -> Self {
+        let mut basis = Vec::new();
+        taken.iter().for_each(|k| {
+            extend(&mut basis, &whitened.columns[*k]);
+        });
+        let tried = tried(whitened, &basis, taken);
+        Self { explanations: &whitened.explained.explanations, rows: whitened.rows as f64, tried }
+    }
+
+    /// The best that chance alone would hardly give.
+    fn best(&self) -> Option<usize> {
+        let limit = FALSE_ALARMS / self.explanations.len() as f64;
         let significant = |k: &usize| {
-            let t = &tried[*k];
-            let large = !explanations[*k].is_of_machine() || (t.statistic / rows).sqrt() > SHARE;
+            let t = &self.tried[*k];
+            let large = !self.explanations[*k].is_of_machine() || (t.statistic / self.rows).sqrt() > SHARE;
             t.rank > 0 && t.p_value() < limit && large
         };
-        let all = 0..explanations.len();
-        let Some(best) =
-            all.clone().filter(significant).max_by(|a, b| tried[*a].evidence.total_cmp(&tried[*b].evidence))
-        else {
-            break;
+        let all = (0..self.explanations.len()).filter(significant);
+        all.max_by(|a, b| self.tried[*a].evidence.total_cmp(&self.tried[*b].evidence))
+    }
+
+    fn told(&self, own: usize) -> Change {
+        let best = &self.tried[own];
+        let weight = |k: usize| match &self.tried[k] {
+            t if t.rank > 0 => (t.evidence - best.evidence).exp(),
+            _ => 0.0,
         };
-        let weight = |k: usize| if tried[k].rank > 0 { (tried[k].evidence - tried[best].evidence).exp() } else { 0.0 };
-        let nothing = (-tried[best].evidence).exp();
-        let total: f64 = all.clone().map(weight).sum::<f64>() + nothing;
-        let rivals = all.filter(|k| *k != best && weight(*k) > 0.1).map(|k| explanations[k].what.clone());
-        out.push(Change {
-            what: explanations[best].what.clone(),
-            scope: explanations[best].scope,
-            probability: weight(best) / total,
-            p_value: tried[best].p_value(),
+        let all = 0..self.explanations.len();
+        let total: f64 = all.clone().map(weight).sum::<f64>() + (-best.evidence).exp();
+        let rivals = all.filter(|k| *k != own && weight(*k) > 0.1).map(|k| self.explanations[k].what.clone());
+        Change {
+            what: self.explanations[own].what.clone(),
+            scope: self.explanations[own].scope,
+            probability: weight(own) / total,
+            p_value: best.p_value(),
             by: Vec::new(),
             rivals: rivals.collect(),
-        });
-        taken.push(best);
-        extend(&mut basis, &whitened.columns[best]);
-        if !explanations[best].is_of_machine() {
-            let wrong: Vec<usize> = taken.iter().copied().filter(|k| !explanations[*k].is_of_machine()).collect();
-            whitened.leave_out(&wrong);
         }
     }
-    for (change, by) in out.iter_mut().zip(sizes(whitened, &taken)) {
-        change.by = by;
-    }
-    out
 }
 
 /// Each explanation beside `basis`; those that are `taken` have no rank.

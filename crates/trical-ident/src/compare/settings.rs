@@ -32,6 +32,9 @@ pub(super) const FAR_TURNED_DEG: f64 = 5.0;
 pub(super) const MORE_SCATTER: f64 = 1.3;
 pub(super) const NO_FIT: f64 = 3.0;
 
+/// What was taken makes room for what has so much more evidence in its place, nats.
+pub(super) const CLEARLY_BETTER: f64 = 1.0;
+
 /// Most changes that are looked for.
 pub(super) const CHANGES: usize = 4;
 

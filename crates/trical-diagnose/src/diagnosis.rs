@@ -246,7 +246,7 @@ pub struct Final {
     pub rms_mm: f64,
     /// Those of them that the data determine rather than their priors: effective degrees of freedom.
     pub effective_parameters: f64,
-    /// Poses, and blocks of neighbouring ones: so many independent places of the arm were visited.
+    /// Poses, and blocks of neighbouring ones: so many independent poses of the arm were measured.
     pub poses: usize,
     /// See [`trical_ident::folds::Folds::blocks`].
     pub blocks: usize,

@@ -84,7 +84,7 @@ pub fn doubtful_places(places: &[OfPlace]) -> Vec<String> {
     let disagree = places.iter().filter_map(|p| {
         let rms = p.rms_mm.filter(|rms| errors.len() >= PLACES && *rms > BEYOND_OTHERS * middle)?;
         Some(format!(
-            "by the arm that the other places say, measurements at place {} are off by {rms:.3} mm, at the middle place by {middle:.3} mm: did \
+            "the model fitted at the other places misses place {} by {rms:.3} mm rms (median of the places: {middle:.3} mm): did \
              the balls move there, or have rows of it the wrong place or ball? What was measured after a move needs a name of its own",
             p.place
         ))

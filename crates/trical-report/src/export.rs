@@ -164,7 +164,7 @@ impl Export {
             let [a, b, c] = angles_zyx(&now.rotation).map(f64::to_degrees);
             format!(
                 "The tool is not part of that URDF, and was identified with the arm: behind the corrected flange its TCP is at {x:.4}, {y:.4}, {z:.4} mm \
-                 with zyx_deg {a:.4}, {b:.4}, {c:.4}, {:.4} mm from where the cell file has it. Who uses the URDF needs that, too.",
+                 with zyx_deg {a:.4}, {b:.4}, {c:.4}, {:.4} mm from where the cell file has it. Enter this tool in the program that uses the URDF.",
                 moved * 1e3
             )
         })

@@ -405,10 +405,14 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
     let steps: Vec<(String, f64, f64)> =
         named.chain(nameless.map(|u| ("curve".to_owned(), u.holdout_rms_before_mm, u.holdout_rms_after_mm))).collect();
     let mut stairs = vec![("plain".to_owned(), d.baseline.holdout_rms_mm)];
+    let curves = steps.iter().any(|(name, ..)| name == "curve");
     stairs.extend(chained(d.baseline.holdout_rms_mm, steps));
     section.figures.push(Figure::new(
-        "Error at poses that the fit did not see: of the plain model (red), and as the findings \
-                 are modelled one after the other, by their numbers (curve: of no known cause).",
+        format!(
+            "Error at poses that the fit did not see: of the plain model (red), and as the findings are modelled one after the other, by \
+             their numbers{}.",
+            if curves { " (curve: of no known cause)" } else { "" }
+        ),
         plots::staircase("error at unseen poses, mm rms", &stairs),
     ));
     Ok(section)

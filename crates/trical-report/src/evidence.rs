@@ -292,13 +292,12 @@ const UNUSUAL: f64 = 3.0;
 /// The section of concerns, and what else was looked at.
 pub fn to_be_looked_at(concerns: Vec<String>, also: &str) -> Section {
     let (heading, found) = match concerns.len() {
-        0 => ("What was checked", "all is in order."),
-        1 => ("To check before signing", "all but this is in order."),
-        _ => ("To check before signing", "all but these points is in order."),
+        0 => ("What was checked", "All is in order."),
+        _ => ("To check before signing", "What is left to be checked by you:"),
     };
     let checked = Section::new(heading).with_text([format!(
-        "The program looked at rejected rows, errors at poses that the fit did not use, the largest error compared with the rms, the residuals \
-         compared with the usual noise, {also}: {found}"
+        "The program checked rejected rows, errors at poses that the fit did not use, the largest error compared with the rms, the residuals \
+         compared with the usual noise, {also}. {found}"
     )]);
     Section { list: concerns, ..checked }
 }

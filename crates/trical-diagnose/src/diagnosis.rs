@@ -100,28 +100,6 @@ pub struct Finding {
     pub next_measurements: Option<String>,
 }
 
-/// "lost_motion_direction at joint 1".
-fn in_words(effect: EffectId, place: Place) -> String {
-    format!("{effect} at {place}")
-}
-
-impl Rival {
-    /// Effect and site.
-    #[must_use]
-    pub fn in_words(&self) -> String {
-        in_words(self.effect, self.site)
-    }
-}
-
-impl Finding {
-    /// Effect and site, and the session where it is of one.
-    #[must_use]
-    pub fn in_words(&self) -> String {
-        let session = self.session.map_or_else(String::new, |s| format!(" in session {s}"));
-        in_words(self.effect, self.site) + &session
-    }
-}
-
 /// What a diagnosis comes to. Nothing that is less than half sure is said as a fact.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Verdict {

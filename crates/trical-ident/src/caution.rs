@@ -363,7 +363,7 @@ mod tests {
         assert!(much_left(&robot, 0.9).is_none() && much_left(&robot, 5.1).is_none());
         // 290 + 270 + 310 (of 70 and 302) + 72 mm
         let said = much_left(&robot, 3.0).unwrap();
-        assert!(said.starts_with("3.0 mm is left") && said.contains("as much as 0.18 deg"), "{said}");
+        assert!(said.starts_with("3.0 mm is left") && said.contains("0.18 deg of joint 1"), "{said}");
         assert!(said.contains("measure one pose five times") && said.contains("robot file"), "{said}");
     }
 

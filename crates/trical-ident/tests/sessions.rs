@@ -407,7 +407,7 @@ fn balls_that_lean_in_another_session_are_told_for_gravity_goes_by_those_of_the_
         let sessions = [touched(1, 0.0), touched(2, lean)];
         let c = learnt(&nominal, &sessions, ToolSharing::Same);
         assert_eq!(c.rejected, 0, "{:?}", c.named);
-        c.cautions().into_iter().find(|c| c.contains("lean"))
+        c.cautions().into_iter().find(|c| c.contains("tilted"))
     };
     let said = told(3_f64.to_radians()).unwrap();
     assert!(

@@ -344,7 +344,9 @@ fn other_cell(nominal: &Model, model: &Model, options: &Options) -> Option<Strin
         .filter_map(|(what, a, b)| {
             let mm = (a.translation - b.translation).norm() * 1e3;
             let deg = rotation_vector(&(a.rotation.transpose() * b.rotation)).norm().to_degrees();
-            (mm > 1e-3 || deg > 1e-4).then(|| format!("its {what} differs by {mm:.3} mm and {deg:.3} deg"))
+            let by = [(mm > 1e-3).then(|| format!("{mm:.3} mm")), (deg > 1e-4).then(|| format!("{deg:.4} deg"))];
+            let by: Vec<String> = by.into_iter().flatten().collect();
+            (!by.is_empty()).then(|| format!("its {what} differs by {}", by.join(" and ")))
         })
         .collect();
     (!apart.is_empty()).then(|| {

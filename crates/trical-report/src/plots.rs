@@ -368,8 +368,9 @@ fn legend(keys: &[(&str, RGBColor)]) -> String {
     for (name, color) in keys {
         let _ = write!(
             out,
-            "<circle cx=\"{x}\" cy=\"14\" r=\"4\" fill=\"{}\"/><text x=\"{}\" y=\"18\" font-family=\"sans-serif\" \
+            "<rect x=\"{}\" y=\"8\" width=\"11\" height=\"11\" fill=\"{}\"/><text x=\"{}\" y=\"18\" font-family=\"sans-serif\" \
              font-size=\"{LETTERS}\" fill=\"#1d2733\">{name}</text>",
+            x - 6,
             hex(*color),
             x + 9
         );

@@ -139,20 +139,20 @@ fn next_lines(args: &Args, next: Option<&(Undecided<'_>, Next)>) -> Vec<String> 
     };
     if next.lambda < TELLING {
         let text = format!(
-            "No {} touches that this arm can make here decide between {}: the best differ by {:.1} standard deviations. Nothing \
+            "No {} touches that this arm can make here decide whether it is {}: the best differ by {:.1} standard deviations. Nothing \
              was written; another load on the flange, or balls elsewhere, may help.",
             next.entries.len(),
-            undecided.names.join(" and "),
+            undecided.names.join(", or "),
             next.lambda
         );
         return table::wrapped(&text, 108, "");
     }
     let text = format!(
-        "{} touches in {} would decide between {}: the predictions of any two differ by at least {:.1} standard deviations (as many \
+        "{} touches in {} would decide whether it is {}: the predictions of any two differ by at least {:.1} standard deviations (as many \
          random touches: {:.1}){}. Measure them in the same cell, and diagnose both recordings together.",
         next.entries.len(),
         args.next_out.display(),
-        undecided.names.join(" and "),
+        undecided.names.join(", or "),
         next.lambda,
         next.random_lambda,
         if next.lambda < 3.0 { little(next) } else { String::new() }

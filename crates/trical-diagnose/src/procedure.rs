@@ -174,7 +174,7 @@ fn another_zero(grounds: &[(Vec<Candidate>, Vec<Candidate>)], names: &[String]) 
         None => {}
     }
     let (odd, others) = (&names[odd], if names.len() == 2 { "other" } else { "others" });
-    let which = if names.len() == 2 { "; two sessions alone cannot show which of them changed" } else { "" };
+    let which = if names.len() == 2 { "; two sessions cannot show which of them differs" } else { "" };
     Some(format!(
         "joint {joint} has another zero in {odd} than in the {others}{which}; the model has that of the {others}. Where {odd} is the newest, say so by \
          dates in the names of the recordings (as in cell-2026-11-22.csv): the model then has the arm as it is now"

@@ -203,7 +203,7 @@ fn identification_and_validation_are_reported_to_the_person_who_signs() {
     let worst = format!("{:.3}", ways.fold(0.0, f64::max));
     assert!(said.contains("did not use (") && said.contains(&format!(") it is {worst}")), "{worst}: {said}");
     let blocks = json["blocks"].as_u64().unwrap();
-    let many = format!("32 parameters were determined from {blocks} independent places of the arm (45 poses)");
+    let many = format!("32 parameters were determined from {blocks} independent poses of the arm (45 measured)");
     assert!(said.contains("Check one point before signing") && html.contains(&many), "{said}");
     // each parameter with an interval about its value that is two standard deviations to each side
     let rows: Vec<Vec<&str>> = html

@@ -61,7 +61,7 @@ class Reported:
     _made: Made | None = field(default=None, compare=False)
 
     def report(self, path: _Path) -> None:
-        """Write the report to read, print and sign: one HTML file, as `--report` of the command writes it.
+        """Write the report to read and to print: one HTML file, as `--report` of the command writes it.
 
         It ends with the call and the SHA-256 of the files that it read. A pickled result has no report: write it where
         the result was computed. Raises TricalError.

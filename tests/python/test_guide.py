@@ -4,6 +4,8 @@ In a chapter, an HTML comment before a code block says what to do with it:
 
     <!-- run -->          run the shell block; it must succeed
     <!-- run: fails 2 --> run it; its last command must end with that exit code
+    <!-- run: with D -->  run it beside the recordings of the folder D of ../shared/data, which are not kept here:
+                          skipped without them
     <!-- output -->       each line of this block was printed by the block run before it; decimals and spaces may
                           differ, a line that ends with ... is compared up to there, a line that is only ... with
                           nothing
@@ -27,12 +29,14 @@ from pathlib import Path
 
 import pytest
 
-from conftest import program
+from conftest import SHARED, program
 
 ROOT = Path(__file__).resolve().parents[2]
 GUIDE = ROOT / "docs" / "guide" / "src"
 CHAPTERS = sorted(p.name for p in GUIDE.glob("*.md") if p.name != "SUMMARY.md")
-NOTE = re.compile(r"^<!-- (run|output)(?:: fails (\d+))? -->\n+```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+NOTE = re.compile(
+    r"^<!-- (run|output)(?:: fails (\d+))?(?:: with (\w+))? -->\n+```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL
+)
 PROVOKED = re.compile(r"^### `([^\n]+)`\n+<!-- provoke (\d+): (.*?) -->$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\[[^\]]*\]\(([^)#\s]+)(?:#[^)]*)?\)")
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
@@ -45,12 +49,13 @@ class Block:
 
     kind: str
     fails: int
+    beside: str
     text: str
 
 
 def blocks(chapter: str) -> list[Block]:
     found = NOTE.findall((GUIDE / chapter).read_text())
-    return [Block(kind, int(fails or 0), text) for kind, fails, _, text in found]
+    return [Block(kind, int(fails or 0), beside, text) for kind, fails, beside, _, text in found]
 
 
 @pytest.fixture
@@ -103,8 +108,10 @@ def printed(wanted: str, lines: list[str]) -> bool:
 def test_commands_of_a_chapter_do_what_it_shows(chapter: str, shell) -> None:
     lines: list[str] = []
     for block in blocks(chapter):
+        if block.beside and not (SHARED / block.beside).is_dir():
+            pytest.skip(f"{SHARED / block.beside} is missing: recordings are not kept in this repository")
         if block.kind == "run":
-            done = shell(block.text)
+            done = shell(f"ln -sf {SHARED / block.beside}/* .\n{block.text}" if block.beside else block.text)
             assert done.returncode == block.fails, f"{block.text}\nended with {done.returncode}:\n{done.stdout}"
             lines = [plain(line) for line in done.stdout.splitlines()]
         else:

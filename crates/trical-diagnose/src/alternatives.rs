@@ -9,6 +9,8 @@ use trical_model::{Forward, MAX_JOINTS, Model, State, Term};
 use crate::candidate::Candidate;
 use crate::diagnosis::{Diagnosis, Finding};
 use crate::settings::{RIVALS_COMPARED, SURE_ENOUGH};
+use crate::verdict::named;
+use crate::words::small;
 
 /// A finding that could as well be something else.
 pub struct Undecided<'a> {
@@ -44,7 +46,8 @@ impl Diagnosis {
         let (members, rivals) = &self.grounds.findings[k];
         let own: Vec<usize> = members.iter().flat_map(|c| self.places(c)).collect();
         let shared: Vec<usize> = (0..self.model.terms.len()).filter(|t| !own.contains(t)).collect();
-        let mut names = vec![finding.in_words()];
+        let session = finding.session.map_or_else(String::new, |s| format!(" in session {s}"));
+        let mut names = vec![small(&named(finding.effect, finding.site)) + &session];
         let mut models = vec![self.model.clone()];
         let mut add = |name: String, candidate: Option<&Candidate>| -> Result<()> {
             let mut model = self.model.clone();
@@ -61,7 +64,7 @@ impl Diagnosis {
             Ok(())
         };
         for (rival, candidate) in finding.rivals.iter().zip(rivals).take(RIVALS_COMPARED) {
-            add(rival.in_words(), Some(candidate))?;
+            add(small(&named(rival.effect, rival.site)), Some(candidate))?;
         }
         if rivals.is_empty() {
             add("nothing".into(), None)?;

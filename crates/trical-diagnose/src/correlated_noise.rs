@@ -37,8 +37,8 @@ impl CorrelatedNoise {
     pub fn caution(&self) -> Option<String> {
         (*self != Self::WHITE).then(|| {
             format!(
-                "noise is correlated from one measurement to the next (correlation {:.2}): the probabilities take that into account, \
-                 the standard deviations do not",
+                "noise is correlated from one measurement to the next (correlation {:.2}); probabilities and standard deviations take that into \
+                 account",
                 self.kept * (1.0 - self.white)
             )
         })

@@ -103,28 +103,6 @@ pub struct Finding {
     pub next_measurements: Option<String>,
 }
 
-/// "lost_motion_direction at joint 1".
-fn in_words(effect: EffectId, place: Place) -> String {
-    format!("{effect} at {place}")
-}
-
-impl Rival {
-    /// Effect and site.
-    #[must_use]
-    pub fn in_words(&self) -> String {
-        in_words(self.effect, self.site)
-    }
-}
-
-impl Finding {
-    /// Effect and site, and the session where it is of one.
-    #[must_use]
-    pub fn in_words(&self) -> String {
-        let session = self.session.map_or_else(String::new, |s| format!(" in session {s}"));
-        in_words(self.effect, self.site) + &session
-    }
-}
-
 /// What a diagnosis comes to. Nothing that is less than half sure is said as a fact.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Verdict {
@@ -249,7 +227,7 @@ pub struct Final {
     pub rms_mm: f64,
     /// Those of them that the data determine rather than their priors: effective degrees of freedom.
     pub effective_parameters: f64,
-    /// Poses, and blocks of neighbouring ones: so many independent places of the arm were visited.
+    /// Poses, and blocks of neighbouring ones: so many independent poses of the arm were measured.
     pub poses: usize,
     /// See [`trical_ident::folds::Folds::blocks`].
     pub blocks: usize,

@@ -128,8 +128,16 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
             .chain(another_zero(&grounds, &kept.names))
             .chain(no_better_elsewhere("in a session", plain_by_session, by_session))
             .chain(no_better_elsewhere("at a place of the balls", plain_by_place, by_place))
-            .chain(of_sessions.err().map(|e| format!("what one session is worth for the others is not known: {e}")))
-            .chain(of_places.err().map(|e| format!("what one place is worth for the others is not known: {e}")))
+            .chain(
+                of_sessions
+                    .err()
+                    .map(|e| format!("the error at a session that the fit did not see could not be computed: {e}")),
+            )
+            .chain(
+                of_places
+                    .err()
+                    .map(|e| format!("the error at a place that the fit did not see could not be computed: {e}")),
+            )
             .collect(),
         rejected: fitted.data.rejected.clone(),
         model: fitted.model.clone(),
@@ -186,7 +194,7 @@ fn another_zero(grounds: &[(Vec<Candidate>, Vec<Candidate>)], names: &[String]) 
 fn read_several_times(of_pose: Scatter, left: f64) -> String {
     let Scatter { sd, readings, freedom } = of_pose;
     let times = (10.0 * readings).round() / 10.0;
-    let counted = format!("poses were read {times} times one after the other: their means count, each once");
+    let counted = format!("poses were read {times} times in a row: the mean of each counts as one measurement");
     let of_means = sd / readings.sqrt();
     // at most as often as not by chance, or too little to matter
     let chance = 1.0 + 4.0 / (freedom as f64).sqrt();

@@ -35,7 +35,7 @@ const NOTHING: &str = "Nothing found: no known effect shows in what is left";
 
 /// What to do about curves without a name: where the robot has no masses, ...
 const GIVE_MASSES: &str =
-    "Give the masses of the links in the robot file: without them little of what gravity does has a name.";
+    "Give the masses of the links in the robot file: without them few effects of gravity can be named.";
 /// ... where a joint's error goes with its own angle, of one session and of several, ...
 const OWN_ANGLE: [&str; 2] = [
     "Have the joint's gear and encoder checked; only what a second session shows again belongs to the arm.",
@@ -47,8 +47,8 @@ const OTHER_ANGLES: [&str; 2] = [
     "Look for a cable or hose that pulls.",
 ];
 /// ... with how it came there, ...
-const LAST_MOVES: &str = "Wait longer before joints are read, and visit some poses from both sides: what then remains is play or friction, \
-    what does not was read too early.";
+const LAST_MOVES: &str = "Wait longer before joints are read, and visit some poses from both sides: an error that then remains is backlash or \
+    friction; one that disappears came from reading too early.";
 /// ... with something else, of one session, ...
 const OTHER: &str = "Measure a second session: only what it shows again belongs to the arm.";
 /// ... or with time.
@@ -174,8 +174,8 @@ pub fn summary(f: &Finding) -> String {
     let perhaps = less_sure(&[f]).map_or_else(String::new, |p| format!(", {p}"));
     let [before, after] = [f.evidence.holdout_rms_before_mm, f.evidence.holdout_rms_after_mm];
     let gain = if after > before {
-        // what pays is judged by how well each block can be foreseen, the rms by the worst of them
-        "modelled; most unseen blocks of poses are foreseen better, but over all of them the error"
+        // what pays is judged by how well each block can be predicted, the rms by the worst of them
+        "modelled; most unseen blocks of poses are predicted better, but over all of them the error"
     } else {
         "modelled, the error at unseen poses"
     };
@@ -399,9 +399,9 @@ fn rest_row(rows: &[&VerdictRow], errors: [f64; 2]) -> VerdictRow {
         (true, 1) => "1 smaller or less sure finding".to_owned(),
         (true, n) => format!("{n} smaller or less sure findings"),
         (false, 0) if said.len() == 1 => format!("Smaller: {}", said.concat()),
-        (false, 0) => format!("Smaller ones together: {}", said.join(", ")),
-        (false, 1) => format!("Smaller ones together: {}; 1 more finding", said.join(", ")),
-        (false, n) => format!("Smaller ones together: {}; {n} more findings", said.join(", ")),
+        (false, 0) => format!("Smaller findings together: {}", said.join(", ")),
+        (false, 1) => format!("Smaller findings together: {}; 1 more finding", said.join(", ")),
+        (false, n) => format!("Smaller findings together: {}; {n} more findings", said.join(", ")),
     };
     let corrected = rows.iter().any(|r| r.corrected);
     VerdictRow { findings, corrected, ..plain_row(RowKind::Rest, text, errors) }
@@ -443,7 +443,7 @@ fn rows(
     rows.extend(left.map(|u| {
         let place = at(&[u.site], "");
         let text = format!(
-            "Still unexplained{place}: {:.3} mm that go with {}{}",
+            "Still unexplained{place}: {:.3} mm rms that depend on {}{}",
             u.rms_mm,
             variable(&u.variable, given.robot),
             period(&u.region).1

@@ -124,7 +124,7 @@ fn a_joint_whose_zero_differs_between_sessions_is_told_as_of_one_of_them_and_of_
         assert_eq!(d.findings.len(), 1, "{:?}", d.findings);
         let f = &d.findings[0];
         assert_eq!((f.effect, f.site), (EffectId::JointZeroShift, Place::Joint(3)));
-        let undecided = d.cautions.iter().any(|c| c.contains("two sessions hardly tell"));
+        let undecided = d.cautions.iter().any(|c| c.contains("two sessions cannot show"));
         (f.session, f.coefficients[0].value, undecided, d.rejected.len())
     };
     let (session, size, undecided, rejected) = sessions(&[&model, &other]);

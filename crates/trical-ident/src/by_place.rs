@@ -84,7 +84,7 @@ pub fn doubtful_places(places: &[OfPlace]) -> Vec<String> {
     let disagree = places.iter().filter_map(|p| {
         let rms = p.rms_mm.filter(|rms| errors.len() >= PLACES && *rms > BEYOND_OTHERS * middle)?;
         Some(format!(
-            "by the arm that the other places say, measurements at place {} are off by {rms:.3} mm, at the middle place by {middle:.3} mm: did \
+            "the model fitted at the other places misses place {} by {rms:.3} mm rms (median of the places: {middle:.3} mm): did \
              the balls move there, or have rows of it the wrong place or ball? What was measured after a move needs a name of its own",
             p.place
         ))
@@ -227,7 +227,10 @@ mod tests {
         assert!(doubtful_places(&usual).is_empty());
         let moved = [&usual[..2], &[of("c", 20, Some(0.7)), of("d", 20, Some(1.2))]].concat();
         let said = doubtful_places(&moved);
-        assert!(said.len() == 1 && said[0].contains("at place d are off by 1.200 mm"), "{said:?}");
+        assert!(
+            said.len() == 1 && said[0].contains("misses place d by 1.200 mm rms (median of the places: 0.300 mm)"),
+            "{said:?}"
+        );
         // of two places nothing tells which
         assert!(doubtful_places(&[of("a", 20, Some(0.2)), of("b", 20, Some(1.3))]).is_empty());
         let said = doubtful_places(&[&usual[..], &[of("lfet", 1, None)]].concat());

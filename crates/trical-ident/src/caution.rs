@@ -53,7 +53,7 @@ pub fn beyond_limits(robot: &Robot, data: &Dataset) -> Option<String> {
     let all: Vec<String> = joints.collect();
     (!all.is_empty()).then(|| {
         format!(
-            "joints were recorded beyond their limits, {}: is this the robot file of this arm, in its signs?",
+            "joints were recorded beyond their limits, {}: does the robot file belong to this arm, with the right signs and zero positions?",
             all.join(", ")
         )
     })
@@ -147,8 +147,8 @@ pub fn much_left(robot: &Robot, mm: f64) -> Option<String> {
     let deg = (mm * 1e-3 / reach.max(1e-3)).to_degrees();
     (MUCH_MM..=NO_ARM_MM).contains(&mm).then(|| {
         format!(
-            "{mm:.1} mm is left that neither the arm's geometry nor any known effect explains, as much as {deg:.2} deg at the first \
-             joint of the outstretched arm. Look at the measurements before the arm: measure one pose five times. If that scatters as \
+            "{mm:.1} mm is left that neither the arm's geometry nor any known effect explains. With the arm stretched out, {deg:.2} deg \
+             of joint 1 makes as much. Look at the measurements before the arm: measure one pose five times. If that scatters as \
              much, something is loose (tool, balls, instrument), or joints are read while the arm still moves. If it repeats, check \
              the robot file (is it this arm, with its joints in their order and signs?), the units, and whether tool, balls or base \
              were moved during the recording: each such part is a session or a `place` of its own."
@@ -215,8 +215,8 @@ fn too_soft(model: &Model) -> Option<String> {
         });
     };
     Some(format!(
-        "{} comes out at {:.2} deg/Nm, and no joint gives way like that: something at the tool that changes with how it leans (a loose \
-         flange or device) looks like it",
+        "{} comes out at {:.2} deg/Nm, and no joint is that soft: a loose flange or device, whose error changes with its inclination, \
+         can look like this",
         t.name,
         t.value.to_degrees()
     ))
@@ -239,7 +239,7 @@ fn leaning(model: &Model) -> Option<String> {
         sessions.into_iter().map(|s| (s, leans(s))).max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, by)| *by > LEANS)?;
     model.terms.iter().any(by_gravity).then(|| {
         format!(
-            "the balls of recording {session} lean by {:.1} deg against those of the first. Gravity is taken along the z axis of the first recording's \
+            "the balls of recording {session} are tilted by {:.1} deg relative to those of the first. Gravity is taken along the z axis of the first recording's \
              balls in all of them, which is right where the arm stood as before and those balls stood level: give the recording whose balls stood level first; \
              where the arm itself was mounted otherwise, identify its recordings apart, or it gives way in a wrong direction by {:.0} %",
             leans.to_degrees(),
@@ -310,8 +310,8 @@ pub fn coincident(robot: &Robot) -> Option<String> {
     };
     let first = (1..robot.dof()).find(same)?;
     Some(format!(
-        "joints {first} and {} turn about the same line by the robot file. If the second axis stands beside the first, the model has that in \
-         one direction only (a_{first}), and what lies across it is left as an error that goes round with joint {first}",
+        "joints {first} and {} turn about the same line by the robot file. If the second axis stands beside the first, the model has that \
+         offset in one direction only (a_{first}): what is perpendicular to it remains as an error that turns with joint {first}",
         first + 1
     ))
 }
@@ -322,7 +322,7 @@ pub fn held(robot: &Robot, data: &Dataset, names: &[&str]) -> Option<String> {
     let joints: Vec<usize> = hardly_moving(robot, data).into_iter().map(|(k, _)| k + 1).collect();
     (!joints.is_empty() && !names.is_empty()).then(|| {
         format!(
-            "joint{} {} hardly move{} (less than 1 deg or 5 mm): what only {} motion shows was kept at nominal: {}",
+            "joint{} {} hardly move{} (less than 1 deg or 5 mm): parameters that only {} motion could determine were kept at nominal: {}",
             if joints.len() > 1 { "s" } else { "" },
             numbers(&joints),
             if joints.len() > 1 { "" } else { "s" },
@@ -337,7 +337,7 @@ pub fn held(robot: &Robot, data: &Dataset, names: &[&str]) -> Option<String> {
 pub fn near_nominal(names: &[&str]) -> Option<String> {
     (!names.is_empty()).then(|| {
         format!(
-            "the measurements hardly determine {}: kept near nominal, within some 2 mm and 0.2 deg (0.3 deg under the largest load); more varied poses would determine them",
+            "the measurements do not determine {} well: kept near nominal by priors (standard deviation 2 mm, 0.2 deg, or 0.3 deg under the largest load); more varied poses would determine them",
             names.join(", ")
         )
     })
@@ -356,7 +356,7 @@ pub fn listed(all: &[String], word: &str) -> String {
     }
 }
 
-/// What to say where more parameters were determined, of `fitted`, than a third of the independent places of the arm.
+/// What to say where more parameters were determined, of `fitted`, than a third of the independent poses of the arm.
 #[must_use]
 pub fn too_many(parameters: f64, fitted: usize, folds: &crate::folds::Folds) -> Option<String> {
     let blocks = folds.blocks();
@@ -365,11 +365,11 @@ pub fn too_many(parameters: f64, fitted: usize, folds: &crate::folds::Folds) -> 
         let effective = if determined == fitted.to_string() {
             String::new()
         } else {
-            format!(" (worth {determined} free ones: priors hold the rest)")
+            format!(" ({determined} effective: priors determine the rest)")
         };
         format!(
-            "{fitted} parameters{effective} were determined from {blocks} independent places of the arm ({} poses), fewer than three places \
-             for each: where nothing was measured the model may be wrong; measure more poses",
+            "{fitted} parameters{effective} were determined from {blocks} independent poses of the arm ({} measured), fewer than three for \
+             each: where nothing was measured the model may be wrong; measure more poses",
             folds.poses().len()
         )
     })
@@ -408,7 +408,7 @@ mod tests {
         assert!(much_left(&robot, 0.9).is_none() && much_left(&robot, 5.1).is_none());
         // 290 + 270 + 310 (of 70 and 302) + 72 mm
         let said = much_left(&robot, 3.0).unwrap();
-        assert!(said.starts_with("3.0 mm is left") && said.contains("as much as 0.18 deg"), "{said}");
+        assert!(said.starts_with("3.0 mm is left") && said.contains("0.18 deg of joint 1"), "{said}");
         assert!(said.contains("measure one pose five times") && said.contains("robot file"), "{said}");
     }
 
@@ -454,9 +454,7 @@ mod tests {
             Term { value: -0.01, sd: Some(sd), ..term }
         };
         let before = std::mem::replace(&mut model.terms[0], soft(1e-3));
-        assert!(
-            cautions(&model, 135, 31)[0].starts_with("c_6 comes out at -0.57 deg/Nm, and no joint gives way like that")
-        );
+        assert!(cautions(&model, 135, 31)[0].starts_with("c_6 comes out at -0.57 deg/Nm, and no joint is that soft"));
         model.terms[0] = soft(1e-2);
         assert!(cautions(&model, 135, 31).is_empty());
         model.terms[0] = before;
@@ -471,7 +469,10 @@ mod tests {
         let soft = Basis::torque(2, Shape::Linear);
         model.terms.push(Term::new("c_2", "compliance", Site::Joint { joint: 2 }, soft));
         let said = cautions(&model, 135, 31).remove(0);
-        assert!(said.starts_with("the balls of recording 2 lean by 5.0 deg") && said.ends_with("by 9 %"), "{said}");
+        assert!(
+            said.starts_with("the balls of recording 2 are tilted by 5.0 deg") && said.ends_with("by 9 %"),
+            "{said}"
+        );
         model.terms[1] = of_two(1.0);
         assert!(cautions(&model, 135, 31).is_empty());
     }

@@ -254,12 +254,15 @@ pub fn resting_joints(robot: &Robot, data: &Dataset) -> Vec<usize> {
 /// Joints (from 0) that hardly move, and where they are. None where no joint moves at all: such data stand for others.
 #[must_use]
 pub fn hardly_moving(robot: &Robot, data: &Dataset) -> Vec<(usize, f64)> {
-    let hardly = |(k, [low, high]): (usize, [f64; 2])| {
-        let little = if robot.joints[k].kind == JointKind::Prismatic { HARDLY_M } else { HARDLY_RAD };
-        (high - low < little).then_some((k, 0.5 * (low + high)))
-    };
+    let hardly =
+        |(k, [low, high]): (usize, [f64; 2])| (high - low < little(robot, k)).then_some((k, 0.5 * (low + high)));
     let resting: Vec<(usize, f64)> = strokes(robot, data).into_iter().enumerate().filter_map(hardly).collect();
     if resting.len() == robot.dof() { Vec::new() } else { resting }
+}
+
+/// A joint that moves less than this hardly moves, rad or m.
+pub(crate) fn little(robot: &Robot, joint: usize) -> f64 {
+    if robot.joints[joint].kind == JointKind::Prismatic { HARDLY_M } else { HARDLY_RAD }
 }
 
 /// Refuses poses that are all alike.

@@ -104,7 +104,7 @@ impl Folds {
         &self.poses
     }
 
-    /// Number of blocks: so many independent places were visited.
+    /// Number of blocks: so many independent poses were measured.
     #[must_use]
     pub fn blocks(&self) -> usize {
         self.block.iter().max().map_or(0, |b| b + 1)

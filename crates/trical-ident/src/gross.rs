@@ -89,14 +89,14 @@ pub(crate) fn gross_error(residual: &[f64], weighted: &[f64], ball: Option<usize
         true => format!("has an orientation that is {:.3} deg off", turned.to_degrees()),
         false => format!("is {:.3} mm off", off * 1e3),
     };
-    wrong_ball(format!("{how_far}, {:.0} times what is usual here: a gross error", length(weighted)), ball)
+    wrong_ball(format!("{how_far}, {:.0} times the usual error here: a gross error", length(weighted)), ball)
 }
 
 /// What is wrong with a row, and that it names the wrong ball where it fits another.
 #[must_use]
 pub fn wrong_ball(off: String, ball: Option<usize>) -> String {
     match ball {
-        Some(ball) => format!("{off} (it fits ball {}: the wrong ball is noted)", ball + 1),
+        Some(ball) => format!("{off} (it fits ball {}: the wrong ball number was recorded)", ball + 1),
         None => off,
     }
 }
@@ -172,7 +172,7 @@ mod tests {
     fn what_is_worse_is_told_the_position_or_the_orientation() {
         let weighted = [1.0, 0.0, 0.0, 0.0, 100.0, 0.0];
         let turned = gross_error(&[18e-6, 0.0, 0.0, 0.0, 0.01, 0.0], &weighted, None);
-        assert_eq!(turned, "has an orientation that is 0.573 deg off, 100 times what is usual here: a gross error");
+        assert_eq!(turned, "has an orientation that is 0.573 deg off, 100 times the usual error here: a gross error");
         let off = gross_error(&[3e-3, 4e-3, 0.0], &[30.0, 40.0, 0.0], Some(1));
         assert!(off.starts_with("is 5.000 mm off, 50 times") && off.contains("ball 2"), "{off}");
     }

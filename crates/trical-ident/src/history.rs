@@ -122,7 +122,7 @@ fn due(sessions: &[Comparison], steps: &[f64], trend: Option<Trend>, need: Optio
     let differs = ["arm changed", "does not fit"].contains(&last.verdict);
     if differs && last.doubt.is_none() {
         return format!(
-            "The next calibration is due now: in the last session ({}) the arm is not what it was.",
+            "The next calibration is due now: in the last session ({}) the arm has changed.",
             last.recording
         );
     }
@@ -143,8 +143,8 @@ fn due(sessions: &[Comparison], steps: &[f64], trend: Option<Trend>, need: Optio
     }
     if differs {
         return format!(
-            "The arm seems to have changed in the last session ({}), but what the model does not say there can look like it, as told above: see \
-             to that before you calibrate anew.",
+            "The arm seems to have changed in the last session ({}), but an effect that the model lacks can look the same (see above): \
+             diagnose this recording first.",
             last.recording
         );
     }
@@ -161,8 +161,7 @@ fn due(sessions: &[Comparison], steps: &[f64], trend: Option<Trend>, need: Optio
         );
     }
     let Some(need) = need else {
-        return "When the next calibration is due is not known: the mean error that the work allows is not given."
-            .into();
+        return "When the next calibration is due is not known: give the mean error that the work allows.".into();
     };
     if trend.is_none() {
         return format!(
@@ -226,7 +225,7 @@ mod tests {
         assert!(says(&unchanged, None, Some(0.3)).contains("fewer than four sessions"));
         assert!(says(&unchanged, grows(0.001), Some(0.1)).contains("is due now: the mean error is 0.200 mm"));
         assert!(says(&unchanged, grows(0.001), None).contains("is not known"));
-        assert!(says(&last(0.2, "arm changed"), None, None).contains("(last.csv) the arm is not what it was"));
+        assert!(says(&last(0.2, "arm changed"), None, None).contains("(last.csv) the arm has changed"));
         let mut doubted = last(0.2, "arm changed");
         doubted[0].doubt = Some("But the calibration itself left much.".into());
         assert!(

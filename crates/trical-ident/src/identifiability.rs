@@ -3,7 +3,9 @@
 use faer::{Mat, Side};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use trical_model::{Cell, Forward, Measured, Model, Motion, Parameter, Robot, Shape, Site, State, Term, residual_rows};
+use trical_model::{
+    Cell, Forward, Measured, Model, Motion, Parameter, Robot, Shape, Site, State, Term, Variable, residual_rows,
+};
 
 use crate::ball_places::{self, base_is_fixed, unknown_places};
 use crate::dataset::Dataset;
@@ -574,7 +576,14 @@ fn independent_of(
         "place" => 1,
         _ => 2,
     });
+    // torques of a joint that stays where it is say how soft it is only where other joints do not, and it may carry many times as much elsewhere
+    let at_rest =
+        |t: &Term| matches!(t.basis.of, Variable::Torque { joint } if resting.iter().any(|(k, _)| k + 1 == joint));
     for (c, column) in order {
+        if at_rest(&terms[c]) {
+            dependent.push(named(c, Vec::new()));
+            continue;
+        }
         let norm = dot(column, column).sqrt();
         if norm < 1e-9 {
             if terms[c].effect != "compliance" {

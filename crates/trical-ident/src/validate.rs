@@ -10,7 +10,7 @@ use trical_model::{
 
 use crate::ball_places::{self, place_of, training_poses};
 use crate::dataset::{Dataset, JointSource, Observation, References, Rejected};
-use crate::degenerate::hardly_moving;
+use crate::degenerate::{hardly_moving, little};
 use crate::error::Result;
 use crate::fit::position_errors;
 use crate::identifiability::{Choice, OwnSetup, ParameterSet};
@@ -634,11 +634,23 @@ fn regions(robot: &Robot, data: &Dataset, errors: &[(f64, f64)], beyond: &[bool]
         let mut sorted = q.clone();
         sorted.sort_by(f64::total_cmp);
         let n = sorted.len();
-        let quarter = |k: usize| sorted[(k * (n - 1)) / 4];
-        for k in 0..4 {
-            let (low, high) = (quarter(k), quarter(k + 1));
+        // quarters of the measurements, each wide enough to be told from the next: most may have been made at one angle
+        let mut ends = vec![sorted[0]];
+        for k in 1..=4 {
+            let end = sorted[(k * (n - 1)) / 4];
+            if end - ends[ends.len() - 1] >= little(robot, joint) {
+                ends.push(end);
+            } else if k == 4 && ends.len() > 1 {
+                // the last of all belongs to the stretch before it
+                ends.pop();
+                ends.push(end);
+            }
+        }
+        let last = ends.len() - 1;
+        for (k, low_high) in ends.windows(2).enumerate().filter(|_| last > 1) {
+            let (low, high) = (low_high[0], low_high[1]);
             let name = stretch(robot, joint, [low, high]);
-            add(name, &|i| q[i] >= low && (q[i] < high || (k == 3 && q[i] <= high)));
+            add(name, &|i| q[i] >= low && (q[i] < high || (k + 1 == last && q[i] <= high)));
         }
     }
     for ball in ball_places::touched(data, |_| true) {
@@ -699,5 +711,26 @@ mod tests {
                 "ball 1"
             ]
         );
+    }
+
+    #[test]
+    fn a_joint_that_mostly_rests_has_no_stretches_without_a_width() {
+        let robot = Robot::parse(include_str!("../../trical-model/tests/data/arm.toml"), "arm.toml").unwrap();
+        let stretches = |at: [f64; 8]| -> Vec<String> {
+            let row = |(k, q): (usize, f64)| Row {
+                state: State::at(&[0.2 * k as f64, q.to_radians()]),
+                measured: Measured::Touch { ball: 0, reading: [0.0; 3] },
+                seq: None,
+                line: k + 2,
+            };
+            let rows = at.into_iter().enumerate().map(row).collect();
+            let recording = Recording { name: "r".into(), joints: 6, rows, ..Recording::default() };
+            let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
+            let all = regions(&robot, &data, &[(1e-3, 1e-4); 8], &[false; 8]);
+            all.into_iter().filter(|r| r.region.starts_with("q2")).map(|r| format!("{} ({})", r.region, r.n)).collect()
+        };
+        assert!(stretches([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 40.0]).is_empty());
+        let two = stretches([0.0, 0.0, 0.0, 0.0, 10.0, 10.0, 20.0, 40.0]);
+        assert_eq!(two, ["q2 0.0 to 10.0 deg (4)", "q2 10.0 to 40.0 deg (4)"]);
     }
 }

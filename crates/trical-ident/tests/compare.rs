@@ -221,7 +221,7 @@ fn what_the_calibration_never_identified_is_identified_anew_and_not_told_as_chan
     let c = compare(&truth.cell, &by_touch, &sessions::seen(&elsewhere, 2, [0.0; 3]), None).unwrap();
     assert_eq!((c.verdict, c.anew.as_slice()), ("unchanged", &["tool"][..]), "{}", c.summary);
     assert!(
-        c.summary.contains("A change of the tool cannot be seen: the calibration does not know it"),
+        c.summary.contains("A change of the tool cannot be seen: the calibration did not measure it"),
         "{}",
         c.summary
     );

@@ -145,7 +145,9 @@ fn a_touch_of_another_ball_than_noted_is_called_so() {
     let said: Vec<(usize, bool)> = clean
         .rejected
         .iter()
-        .map(|r| (r.line, r.reason.contains(&format!("it fits ball {}: the wrong ball is noted", right + 1))))
+        .map(|r| {
+            (r.line, r.reason.contains(&format!("it fits ball {}: the wrong ball number was recorded", right + 1)))
+        })
         .collect();
     assert_eq!(said, [(22, true)]);
 }

@@ -407,10 +407,13 @@ fn balls_that_lean_in_another_session_are_told_for_gravity_goes_by_those_of_the_
         let sessions = [touched(1, 0.0), touched(2, lean)];
         let c = learnt(&nominal, &sessions, ToolSharing::Same);
         assert_eq!(c.rejected, 0, "{:?}", c.named);
-        c.cautions().into_iter().find(|c| c.contains("lean"))
+        c.cautions().into_iter().find(|c| c.contains("tilted"))
     };
     let said = told(3_f64.to_radians()).unwrap();
-    assert!(said.starts_with("the balls of recording 2 lean by 3.0 deg against those of the first"), "{said}");
+    assert!(
+        said.starts_with("the balls of recording 2 are tilted by 3.0 deg relative to those of the first"),
+        "{said}"
+    );
     assert_eq!(told(0.3_f64.to_radians()), None);
 }
 

@@ -174,19 +174,21 @@ impl Report {
             known.iter().max_by(|a, b| a.off.unzip().1.partial_cmp(&b.off.unzip().1).unwrap_or(Ordering::Equal));
         let mut said = Vec::new();
         if let Some((worst, (before, after))) = worst.and_then(|r| r.off.map(|o| (r, o))) {
-            said.push(format!(
-                "{}: by the model at most {:.3} mm of {:.3} mm are left there (line {})",
-                places(&known),
-                after * 1e3,
-                before * 1e3,
-                place(worst)
-            ));
+            let (after, before) = (after * 1e3, before * 1e3);
+            said.push(match known.len() {
+                1 => format!("at {}, {after:.3} of {before:.3} mm remain by the model", places(&known)),
+                _ => format!(
+                    "at {}, at most {after:.3} of {before:.3} mm remain by the model (line {})",
+                    places(&known),
+                    place(worst)
+                ),
+            });
         }
         if !unknown.is_empty() {
-            said.push(format!("{}: how far from it only the running program knows", places(&unknown)));
+            said.push(format!("at {}, how far from it only the running program knows", places(&unknown)));
         }
         (!said.is_empty())
-            .then(|| format!("places relative to a target take its correction along: {}", said.join("; ")))
+            .then(|| format!("positions relative to a target get that target's correction: {}", said.join("; ")))
     }
 
     /// As JSON, in mm and deg; with the rows where there are any.

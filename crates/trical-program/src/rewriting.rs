@@ -257,8 +257,8 @@ fn configuration_unsaid(scan: &Scan) -> Option<String> {
     (unsaid && scan.nearest.is_empty()).then(|| {
         let taken = if scan.first_seed().is_some() { "where the program ends" } else { "joints at zero" };
         format!(
-            "nothing says in which configuration (shoulder, elbow, wrist) the arm comes to the first target in the text: the one nearest to {taken} is taken; \
-             a motion to joint values before it would say it"
+            "the program does not say in which configuration (shoulder, elbow, wrist) the arm comes to its first target: the one nearest to {taken} is used; \
+             a motion to joint values before it would define it"
         )
     })
 }
@@ -344,12 +344,14 @@ fn other_cell(nominal: &Model, model: &Model, options: &Options) -> Option<Strin
         .filter_map(|(what, a, b)| {
             let mm = (a.translation - b.translation).norm() * 1e3;
             let deg = rotation_vector(&(a.rotation.transpose() * b.rotation)).norm().to_degrees();
-            (mm > 1e-3 || deg > 1e-4).then(|| format!("its {what} by {mm:.3} mm and {deg:.3} deg"))
+            let by = [(mm > 1e-3).then(|| format!("{mm:.3} mm")), (deg > 1e-4).then(|| format!("{deg:.4} deg"))];
+            let by: Vec<String> = by.into_iter().flatten().collect();
+            (!by.is_empty()).then(|| format!("its {what} differs by {}", by.join(" and ")))
         })
         .collect();
     (!apart.is_empty()).then(|| {
         format!(
-            "the cell is not the one that the model was fitted with: {} off; the difference is corrected as if it were an error of the arm",
+            "the cell is not the one that the model was fitted with ({}): the difference is corrected as if it were an error of the arm",
             apart.join(", ")
         )
     })

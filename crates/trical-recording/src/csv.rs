@@ -503,7 +503,7 @@ impl<'a> Parser<'a> {
                 let hint = if found > expected && record.iter().skip(expected).all(|f| f.trim().is_empty()) {
                     "; there is nothing behind the last separator: remove it"
                 } else if found > expected && record.iter().any(|f| f.trim().parse::<i64>().is_ok()) {
-                    "; with decimal commas, the fields have to be divided by semicolons or tabs"
+                    "; with decimal commas, separate the columns with semicolons or tabs"
                 } else {
                     ""
                 };

@@ -7,6 +7,12 @@
   const ticks = (_, all) => all.map((v) => (v == null ? "" : String(Number(v.toPrecision(9)))));
   // between whole numbers, such as those of sessions, there is nothing
   const steps = Array.from({ length: 24 }, (_, k) => [1, 2, 5][k % 3] * 10 ** Math.floor(k / 3));
+  // the next number that an axis from zero has a tick at: nothing is drawn above the highest one
+  const upToTick = (high) => {
+    const size = 10 ** Math.floor(Math.log10(high / 5));
+    const step = [1, 2, 5, 10].map((k) => k * size).find((s) => high / s <= 5) || 10 * size;
+    return Math.ceil(high / step) * step;
+  };
   // the widest number has room beside the label
   const room = (_, all) => Math.max(64, 24 + 8 * Math.max(0, ...(all || []).map((v) => v.length)));
   const make = (holder) => {
@@ -39,7 +45,7 @@
         x: { time: false },
         y: { range: (_, low, high) => {
           const pad = Math.max((high - low) * 0.06, 1e-9);
-          return [plot.zero ? 0 : low - pad, high + pad];
+          return plot.zero && high > 0 ? [0, upToTick(high + pad)] : [low - pad, high + pad];
         } },
       },
       axes: [

@@ -131,13 +131,18 @@
         g.stroke();
         g.globalAlpha = 1;
       }
-      g.globalAlpha = 0.8;
-      scene.marks.forEach((m) => disc(at(m.p), 2.6, m.fill));
-      g.globalAlpha = 1;
+      for (const m of scene.marks) {
+        const p = at(m.p);
+        disc(p, 4.4, "#fff");
+        disc(p, 3.6, m.fill);
+      }
       g.font = "700 15px system-ui, sans-serif";
       scene.balls.forEach((b, k) => {
         const p = at(b.p);
         g.fillStyle = b.fill;
+        g.strokeStyle = "#fff";
+        g.lineWidth = 3;
+        g.strokeText(String(k + 1), p[0] + 9, p[1] - 8);
         g.fillText(String(k + 1), p[0] + 9, p[1] - 8);
       });
       g.font = "italic 13px system-ui, sans-serif";

@@ -7,7 +7,7 @@ use trical_diagnose::Diagnosis;
 use trical_model::{Forward, Place, Pose};
 
 use crate::error::Result;
-use crate::table::wrapped;
+use crate::picture::escaped;
 
 /// Colours of lines, and of places where something was found.
 const INK: &str = "#47566a";
@@ -66,25 +66,23 @@ fn dot_of(site: &Place, last: usize) -> Option<usize> {
     }
 }
 
-/// The arm from the side, with the guilty places marked, and beside it the first findings by their headings.
+/// The arm from the side, with the guilty places marked, and beside it (on a telephone below) the first findings by their headings.
 pub fn draw(d: &Diagnosis, headings: &[String]) -> Result<String> {
-    const WIDE: f64 = 600.0;
-    const HIGH: f64 = 360.0;
-    // of the list beside the arm, and what fits into a line of it
-    const LIST: f64 = 330.0;
-    const LETTERS: usize = 50;
+    const WIDE: f64 = 270.0;
+    const HIGHEST: f64 = 300.0;
     let mut flat = from_the_side(&places(d)?);
     move_apart(&mut flat);
     let low = |f: fn(&(f64, f64)) -> f64| flat.iter().map(f).fold(f64::INFINITY, f64::min);
-    let high = |f: fn(&(f64, f64)) -> f64| flat.iter().map(f).fold(f64::NEG_INFINITY, f64::max);
-    let (left, right, down, up) = (low(|p| p.0), high(|p| p.0), low(|p| p.1), high(|p| p.1));
-    let scale = ((WIDE - LIST - 100.0) / (right - left).max(1e-3)).min((HIGH - 90.0) / (up - down).max(1e-3));
-    let at = |p: &(f64, f64)| (60.0 + (p.0 - left) * scale, HIGH - 50.0 - (p.1 - down) * scale);
+    let most = |f: fn(&(f64, f64)) -> f64| flat.iter().map(f).fold(f64::NEG_INFINITY, f64::max);
+    let (left, right, down, up) = (low(|p| p.0), most(|p| p.0), low(|p| p.1), most(|p| p.1));
+    let scale = ((WIDE - 100.0) / (right - left).max(1e-3)).min((HIGHEST - 90.0) / (up - down).max(1e-3));
+    let high = ((up - down) * scale + 90.0).ceil();
+    let at = |p: &(f64, f64)| (60.0 + (p.0 - left) * scale, high - 50.0 - (p.1 - down) * scale);
     let dots: Vec<(f64, f64)> = flat.iter().map(at).collect();
     let whole_arm = d.findings.iter().any(|f| matches!(f.site, Place::Links | Place::Joints));
     let mut svg = format!(
-        "<svg class=\"chart\" viewBox=\"0 0 {WIDE} {HIGH}\" width=\"100%\" style=\"max-width:{WIDE}px\" xmlns=\"http://www.w3.org/2000/svg\" \
-         font-family=\"sans-serif\" font-size=\"13\"><rect width=\"{WIDE}\" height=\"{HIGH}\" fill=\"#fff\"/>"
+        "<div class=\"arm\"><svg class=\"chart\" viewBox=\"0 0 {WIDE} {high}\" width=\"100%\" style=\"max-width:{WIDE}px\" xmlns=\"http://www.w3.org/2000/svg\" \
+         font-family=\"sans-serif\" font-size=\"13\"><rect width=\"{WIDE}\" height=\"{high}\" fill=\"#fff\"/>"
     );
     let list: Vec<String> = dots.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
     let _ = write!(
@@ -123,18 +121,16 @@ pub fn draw(d: &Diagnosis, headings: &[String]) -> Result<String> {
     }
     // over all circles
     svg += &names;
-    // a long heading goes on in a second line
-    let told = headings.iter().enumerate().map(|(k, heading)| format!("{}. {heading}", k + 1));
-    let more = d.findings.len().saturating_sub(headings.len());
-    let told = told.chain((more > 0).then(|| format!("and {more} more, in the table")));
-    let lines: Vec<String> = told.flat_map(|text| wrapped(&text, LETTERS, "")).collect();
-    let step = (HIGH - 50.0) / (lines.len() as f64).max(14.0);
-    for (k, line) in lines.iter().enumerate() {
-        let y = 30.0 + step * k as f64;
-        let _ = write!(svg, "<text x=\"{:.1}\" y=\"{y:.1}\" fill=\"#1d2733\">{line}</text>", WIDE - LIST);
+    svg += "</svg><ol>";
+    for heading in headings {
+        let _ = write!(svg, "<li>{}</li>", escaped(heading));
     }
-    svg += "</svg>";
-    Ok(svg)
+    svg += "</ol>";
+    let more = d.findings.len().saturating_sub(headings.len());
+    if more > 0 {
+        let _ = write!(svg, "<p class=\"fewer\">{more} more are in the table.</p>");
+    }
+    Ok(svg + "</div>")
 }
 
 #[cfg(test)]

@@ -79,7 +79,7 @@ pub fn seen(model: &Model, plan: &[PlanEntry], noise: f64) -> Result<(Vec<Seen>,
 }
 
 /// Where gravity has no moment about an axis.
-const UPRIGHT: &str = "nothing, and it is not needed: gravity has no torque about this axis";
+const UPRIGHT: &str = "nothing (and not needed: gravity has no torque about this axis)";
 
 /// For each joint, whether gravity has no moment about its axis at any of the touches.
 fn no_torque(model: &Model, plan: &[PlanEntry]) -> Result<Vec<bool>> {

@@ -159,16 +159,16 @@ fn render(
         (few, most) => format!("{few} to {most} times"),
     };
     notes.push(format!(
-        "AP, RP and AD by the formulas of ISO 9283: AP is the distance from the commanded place to the mean of those attained, RP the mean \
-         distance from that mean and three standard deviations, AD the difference between distances attained and commanded of \
-         neighbouring poses. The standard asks for five poses of 30 visits; here {} {} visited {visits} each{}.",
+        "AP, RP and AD by the formulas of ISO 9283: AP is the distance between the commanded position and the mean of the attained positions, \
+         RP the mean distance from that mean plus three standard deviations, AD the difference between attained and commanded \
+         distances of neighbouring poses. The standard asks for five poses of 30 visits; here {} {} visited {visits} each{}.",
         told.poses,
         if told.poses == after.data.used_poses().len() { "poses were" } else { "places (each point of the tool at each pose is one) were" },
         if told.repeatability.is_none() { ", so that RP is not known and AP contains it" } else { "" }
     ));
     notes.push(
-        "The nominal arm has its base (or the measuring frame) and its tool identified on the same measurements. The uncertainty of the \
-         instrument is contained in all numbers."
+        "The nominal arm has its base (or the measuring frame) and its tool identified on the same measurements. All numbers include \
+         the error of the instrument."
             .into(),
     );
     let robot = &after.model.robot;
@@ -192,11 +192,11 @@ fn render(
     }
     inputs.extend(made.hashes().map(|(name, hash)| (name.to_owned(), hash.to_owned())));
     let model = if is < was {
-        "The calibrated model of this arm errs"
+        "The calibrated model of this arm has"
     } else {
-        "Do not use this model here: it is no better than the nominal arm. It errs"
+        "Do not use this model here: it is no better than the nominal arm. It has"
     };
-    let summary = format!("{model} by {is:.3} mm on average{at}; the nominal arm by {was:.3} mm.");
+    let summary = format!("{model} a mean position error of {is:.3} mm{at}; the nominal arm has {was:.3} mm.");
     let values = context! {
         title => format!("Calibration certificate: {}", robot.name),
         summary, fields, numbers, notes, inputs,
@@ -288,11 +288,11 @@ mod tests {
                 .to_owned()
         };
         let mut v = validation(1.0, 1.5);
-        let no_better = "Do not use this model here: it is no better than the nominal arm. It errs by 1.500 mm on average; the nominal";
+        let no_better = "Do not use this model here: it is no better than the nominal arm. It has a mean position error of 1.500 mm; the nominal";
         assert!(first(&v).starts_with(no_better), "{}", first(&v));
         v = validation(1.0, 0.5);
         v.sessions[0].learnt = Some(1);
-        let fitted = "errs by 0.500 mm on average at the poses of the fit; the nominal arm by 1.000 mm.";
+        let fitted = "a mean position error of 0.500 mm at the poses of the fit; the nominal arm has 1.000 mm.";
         assert!(first(&v).ends_with(fitted), "{}", first(&v));
     }
 
@@ -307,7 +307,7 @@ mod tests {
         v.sessions.push(other);
         v.sessions[0].learnt = Some(1);
         let page = of_validation(&v, &Made::by("x".into(), &[])).unwrap().replace('\u{a0}', " ");
-        assert!(page.contains("errs by 1.000 mm on average; the nominal arm by 2.000 mm"), "{page}");
+        assert!(page.contains("a mean position error of 1.000 mm; the nominal arm has 2.000 mm"), "{page}");
         assert!(
             page.contains("without r0.csv, which the model was fitted to") && page.contains("4 at 4 poses"),
             "{page}"

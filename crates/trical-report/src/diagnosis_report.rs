@@ -258,7 +258,7 @@ fn coefficients(f: &Finding, d: &Diagnosis) -> Vec<String> {
                 let (factor, unit) = if a.unit == "deg" { (1e3, "mdeg") } else { (1.0, a.unit.as_str()) };
                 let mut name = format!("amplitude at {} cycle{} a turn", w.2, if w.2 == 1.0 { "" } else { "s" });
                 if !matches!(w.0, Site::Joint { .. }) {
-                    name += &format!(" ({})", a.name.split("_sine").next().unwrap_or_default().replace('_', " "));
+                    name += &format!(" ({})", of_wave(&a.name));
                 }
                 table::estimate(&name, factor * size, sd.map(|sd| factor * sd), unit)
             }
@@ -267,6 +267,16 @@ fn coefficients(f: &Finding, d: &Diagnosis) -> Vec<String> {
         });
     }
     told
+}
+
+/// What a wave is of, in words: of "wobble_foot_x_sine_1_3" a tilt about x at the axis's foot.
+fn of_wave(name: &str) -> String {
+    let of = name.split("_sine").next().unwrap_or_default();
+    match (of.strip_prefix("wobble_foot_"), of.strip_prefix("wobble_")) {
+        (Some(axis), _) => format!("tilt about {axis}, at the foot of the axis"),
+        (_, Some(axis)) => format!("tilt about {axis}"),
+        _ => of.replace('_', " "),
+    }
 }
 
 /// Size of a wave from its sine and cosine, with its standard deviation.
@@ -301,7 +311,7 @@ pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<S
         ),
         plots::scatter(&label, error, false, false, &series)?,
     ));
-    Ok(Section::new(format!("{number_of}. {}", verdict::heading(f)))
+    Ok(Section::new(format!("{number_of}. {} ({:.0} %)", verdict::heading(f), f.confidence * 100.0))
         .with_text(text)
         .with_figures(figures)
         .folded(number_of > OPEN))
@@ -330,8 +340,8 @@ pub fn verdict_section(d: &Diagnosis) -> Section {
     let mut section = Section::new("Verdict")
         .with_text(
             verdict_told::no_arm(d).iter().map(|c| format!("Caution: {c}")).chain([
-                "Errors are at poses that the fit did not see, root mean square. Each row begins where \
-                 the one before it ends."
+                "Errors are at poses that the fit did not see, root mean square. The error before \
+                 each row is the error after the row above it."
                     .into(),
             ]),
         )
@@ -374,7 +384,7 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
     }
     section.tables.push(rows);
     section.text.push(
-        "Lambda is the size of an effect's traces in this data, in standard deviations of the noise: 3 is just visible. The errors \
+        "Lambda is the size of the effect in this data, in standard deviations of the noise: 3 is just visible. The errors \
          are at poses that the fit did not see, just before this finding was added to the model and just after; the verdict sorts \
          and groups the findings, so that its errors differ."
             .into(),
@@ -393,13 +403,17 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
         .map(|(n, e)| (n, e.holdout_rms_before_mm, e.holdout_rms_after_mm));
     let nameless = d.unexplained.iter().chain(&d.more_unexplained).filter(|u| !u.curve.is_empty());
     let steps: Vec<(String, f64, f64)> =
-        named.chain(nameless.map(|u| (String::new(), u.holdout_rms_before_mm, u.holdout_rms_after_mm))).collect();
+        named.chain(nameless.map(|u| ("curve".to_owned(), u.holdout_rms_before_mm, u.holdout_rms_after_mm))).collect();
     let mut stairs = vec![("plain".to_owned(), d.baseline.holdout_rms_mm)];
+    let curves = steps.iter().any(|(name, ..)| name == "curve");
     stairs.extend(chained(d.baseline.holdout_rms_mm, steps));
     section.figures.push(Figure::new(
-        "Error at poses that the fit did not see: of the plain model (red), and as the findings \
-                 are modelled one after the other (without a number: a curve of no known cause).",
-        plots::staircase("error at unseen poses, mm rms", "the finding that is added", &stairs)?,
+        format!(
+            "Error at poses that the fit did not see: of the plain model (red), and as the findings are modelled one after the other, by \
+             their numbers{}.",
+            if curves { " (curve: of no known cause)" } else { "" }
+        ),
+        plots::staircase("error at unseen poses, mm rms", &stairs),
     ));
     Ok(section)
 }
@@ -407,9 +421,9 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
 /// "Joint 3 is off", "The links are off".
 fn is_off(site: Place) -> String {
     match site {
-        Place::Links | Place::Joints => format!("The {site} are off"),
-        Place::Base | Place::Tool | Place::Fixture => format!("The {site} is off"),
-        _ => format!("{} is off", verdict::capital(&site.to_string())),
+        Place::Links | Place::Joints => format!("The {site} have errors"),
+        Place::Base | Place::Tool | Place::Fixture => format!("The {site} has an error"),
+        _ => format!("{} has an error", verdict::capital(&site.to_string())),
     }
 }
 
@@ -459,11 +473,11 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
                     )?,
                 )]
             };
-            let how = if u.curve.is_empty() { "A free search" } else { "A free curve" };
+            let how = if u.curve.is_empty() { "A term of this form" } else { "A free curve" };
             let lowers = alone(how, u.holdout_rms_before_mm, u.holdout_rms_after_mm);
             Ok(Section::new(format!("No known cause: {}", u.site))
                 .with_text([format!(
-                    "{}, {}{}, and no effect of the catalogue explains it. {lowers}",
+                    "{} {}{}. No known effect explains it. {lowers}",
                     is_off(u.site),
                     verdict::region(&u.region, &d.model.robot),
                     by_sense(u, &d.model.robot)

@@ -109,15 +109,15 @@ impl Errors<'_> {
         let one = |name, points| [Series { name, color: AFTER, points }];
         let mut figures = vec![
             Figure::new(
-                format!("Each measurement before ({}) and after (the model).", self.was),
+                format!("Each measurement before ({}) and after calibration.", self.was),
                 self.against(label, number)?,
             ),
             Figure::new(
-                "After alone. A trend or a step within a recording says that something changed while measuring.",
+                "After calibration only. A trend or a step within a recording says that something changed while measuring.",
                 plots::scatter_named(label, "position error, mm", true, false, &one("after", only), &names)?,
             ),
             Figure::new(
-                "How often which error occurs, after. A second peak or a long tail is not noise.",
+                "Histogram of the errors after calibration. A second peak or a long tail is not noise.",
                 plots::histogram("position error, mm", &mm)?,
             ),
         ];
@@ -169,8 +169,11 @@ impl Errors<'_> {
         let mut ws = forward.workspace();
         let largest = self.after.iter().copied().fold(1e-12, f64::max);
         let step = o.len().div_ceil(MARKS).max(1);
-        let marks: Vec<Mark> = (0..o.len())
-            .step_by(step)
+        // the largest error lies on top
+        let mut shown: Vec<usize> = (0..o.len()).step_by(step).collect();
+        shown.sort_by(|a, b| self.after[*a].total_cmp(&self.after[*b]));
+        let marks: Vec<Mark> = shown
+            .into_iter()
             .map(|k| Mark {
                 place: forward.world_from_tool(&o[k].state, &mut ws).translation,
                 color: shade(self.after[k] / largest),
@@ -193,7 +196,7 @@ impl Errors<'_> {
         let scene = Scene { model: &solids, touches: &arms, marks: &marks, shown: typical(&poses), sphere: None };
         let mut caption = format!(
             "The arm at one of the measured poses. Each dot is where the tool was at a measurement, blue for a small error after \
-             calibration to red for the largest ({:.3} mm).",
+             calibration to red for the largest ({:.3} mm); where several lie on each other, the largest is on top.",
             largest * 1e3
         );
         if !arms.is_empty() {
@@ -204,8 +207,8 @@ impl Errors<'_> {
         }
         Ok(vec![
             Section::new(heading)
-                .with_text(["The model was tried between the lowest and the highest angle of each joint below; \
-                 beyond, it extrapolates."])
+                .with_text(["The model was tested only between the lowest and the highest angle of each joint \
+                 below; beyond them it extrapolates."])
                 .with_tables([coverage(&self.model.robot, &poses)])
                 .with_figures([Figure::new(caption, turn::draw_turning(&scene, 900.0)?)]),
             other_views(&scene).folded(true),
@@ -288,10 +291,13 @@ const UNUSUAL: f64 = 3.0;
 
 /// The section of concerns, and what else was looked at.
 pub fn to_be_looked_at(concerns: Vec<String>, also: &str) -> Section {
-    let checked = Section::new("To check before signing").with_text([format!(
-        "Checked: rejected rows, errors at poses that the fit did not use, the largest error \
-                 compared with the rms, the residuals compared with the usual noise, {also}.{}",
-        if concerns.is_empty() { " All is in order." } else { "" }
+    let (heading, found) = match concerns.len() {
+        0 => ("What was checked", "All is in order."),
+        _ => ("To check before signing", "What is left to be checked by you:"),
+    };
+    let checked = Section::new(heading).with_text([format!(
+        "The program checked rejected rows, errors at poses that the fit did not use, the largest error compared with the rms, the residuals \
+         compared with the usual noise, {also}. {found}"
     )]);
     Section { list: concerns, ..checked }
 }

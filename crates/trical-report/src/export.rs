@@ -161,10 +161,10 @@ impl Export {
         let turned = (was.rotation.transpose() * now.rotation - nalgebra::Matrix3::identity()).norm();
         (moved > 1e-7 || turned > 1e-7).then(|| {
             let [x, y, z] = [now.tcp.x, now.tcp.y, now.tcp.z].map(|x| x * 1e3);
-            let [a, b, c] = angles_zyx(&now.rotation).map(f64::to_degrees);
+            let [a, b, c] = angles_zyx(&now.rotation).map(|a| (a.to_degrees() * 1e4).round() / 1e4 + 0.0);
             format!(
                 "The tool is not part of that URDF, and was identified with the arm: behind the corrected flange its TCP is at {x:.4}, {y:.4}, {z:.4} mm \
-                 with zyx_deg {a:.4}, {b:.4}, {c:.4}, {:.4} mm from where the cell file has it. Who uses the URDF needs that, too.",
+                 with zyx_deg {a:.4}, {b:.4}, {c:.4}, {:.4} mm from where the cell file has it. Enter this tool in the program that uses the URDF.",
                 moved * 1e3
             )
         })

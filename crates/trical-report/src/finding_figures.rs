@@ -148,11 +148,11 @@ fn fitted_curve(a: &Angles, d: &Diagnosis) -> Result<Figure> {
     let joint = a.joint;
     Ok(Figure::new(
         format!(
-            "By how much joint {joint} is off, in thousandths of a degree: what each measurement \
-                 asks for, everything else modelled, and the fitted curve with its 95 % band (about the \
-                 curve's mean, which the joint's zero takes up)."
+            "Error of joint {joint} in thousandths of a degree: what each measurement shows with \
+                 everything else modelled, and the fitted curve with its 95 % band. The curve's mean is \
+                 part of the joint's zero."
         ),
-        plots::curve_over_data(&format!("angle of joint {joint}, deg"), "joint off, mdeg", &series, &band)?,
+        plots::curve_over_data(&format!("angle of joint {joint}, deg"), "error of the joint, mdeg", &series, &band)?,
     ))
 }
 

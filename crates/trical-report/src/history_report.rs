@@ -26,9 +26,9 @@ pub fn render(h: &History, file: &ModelFile, made: Made) -> Result<String> {
     let left = fitted(&h.learnt, h.days.is_some());
     let mut sections = vec![
         Section::new("Sessions")
-            .with_text(["Mean position error by the calibration as it is; what is new in every session (a \
+            .with_text(["Mean position error by the calibration as it is; what differs in every session (a \
                  tracker's frame, places of sockets) was identified. The recordings that the calibration \
-                 was fitted to stand first: theirs is what the fit left."])
+                 was fitted to stand first: their error is the residual of the fit."])
             .with_tables([sessions(h)])
             .with_figures(over_sessions(over, left, errors)?),
     ];
@@ -54,8 +54,8 @@ pub fn render(h: &History, file: &ModelFile, made: Made) -> Result<String> {
                 "There is one session after the calibration: a second one makes a curve."
             } else {
                 "How far each joint's zero, the tool and the base are from the calibration, each fitted \
-                 alone, with its 95 % interval (1.96 standard deviations to each side). What one of them \
-                 does the others can do in part: the table above says which of them changed."
+                 alone, with its 95 % interval (1.96 standard deviations to each side). Part of each \
+                 effect can also be explained by the others: the table above says which of them changed."
             }])
             .with_figures(figures),
     );
@@ -123,7 +123,7 @@ pub fn rows(h: &History) -> Vec<[String; 6]> {
 
 /// The same with a header and numbers, for the report.
 fn sessions(h: &History) -> Vec<Vec<String>> {
-    let header = row(["session", "day", "measurements", "degC", "mean, mm", "what changed"]);
+    let header = row(["session", "days since the first", "measurements", "degC", "mean error, mm", "what changed"]);
     let numbered = rows(h)
         .into_iter()
         .zip(1..)
@@ -144,11 +144,11 @@ fn over_sessions(over: &str, fitted: Vec<(f64, f64)>, others: Vec<(f64, f64)>) -
     }
     let what = "mean position error, mm";
     let mut series = vec![
-        Series { name: "fitted", color: BEFORE, points: fitted },
-        Series { name: "not fitted", color: AFTER, points: others },
+        Series { name: "recordings of the fit", color: BEFORE, points: fitted },
+        Series { name: "other recordings", color: AFTER, points: others },
     ];
     series.retain(|s| !s.points.is_empty());
-    Ok(vec![Figure::new(capital(what), plots::scatter(over, what, true, true, &series)?)])
+    Ok(vec![Figure::new("The mean position error of each session.", plots::scatter(over, what, true, true, &series)?)])
 }
 
 /// Points over the sessions with a band; nothing for a single one.
@@ -163,7 +163,9 @@ fn drawn(
     }
     let series = [Series { name: "sessions", color: AFTER, points }];
     let band = Band { name: "95 %".into(), color: BEFORE, points: band.collect() };
-    Ok(Some(Figure::new(capital(what), plots::curve_over_data(over, what, &series, &band)?)))
+    let name = what.split(',').next().unwrap_or(what);
+    let caption = capital(&format!("{name}: how far it is from the calibration"));
+    Ok(Some(Figure::new(caption, plots::curve_over_data(over, what, &series, &band)?)))
 }
 
 fn capital(text: &str) -> String {

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use minijinja::value::Serde;
-use minijinja::{Environment, Value, context};
+use minijinja::{Environment, HtmlEscape, Value, context};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use trical_ident::ErrorSummary;
@@ -151,6 +151,7 @@ pub fn render(title: &str, verdict: &str, sections: &[Section], made: &Made) -> 
 pub fn from_template(what: &str, template: &str, values: Value) -> Result<String> {
     let mut env = Environment::new();
     env.add_filter("told", |text: String| Value::from_safe_string(told(&text)));
+    env.add_filter("command", |text: String| Value::from_safe_string(command(&text)));
     // the name ends in .html, so that text is escaped
     env.render_named_str(&format!("{what}.html"), template, values)
         .map_err(|e| Error::Failed(format!("the {what} could not be written: {e}")))
@@ -195,6 +196,13 @@ fn told(text: &str) -> String {
                 before = &text[..text.len() - rest.len()];
                 continue;
             }
+            '-' if !before.ends_with(|c: char| c.is_alphanumeric() || c == '-') && option(rest).is_some() => {
+                let name = option(rest).unwrap_or_default();
+                html += &format!("<span class=\"option\">{name}</span>");
+                rest = &rest[name.len()..];
+                before = &text[..text.len() - rest.len()];
+                continue;
+            }
             ' ' if tied(before, after) => html.push('\u{a0}'),
             _ => html += here,
         }
@@ -202,6 +210,22 @@ fn told(text: &str) -> String {
         rest = after;
     }
     html
+}
+
+/// The option of a command, which no line ends in, that a text begins with.
+fn option(text: &str) -> Option<&str> {
+    let name = text.strip_prefix("--")?;
+    let end = name.find(|c: char| !(c.is_ascii_alphanumeric() || c == '-')).unwrap_or(name.len());
+    name.starts_with(|c: char| c.is_ascii_lowercase()).then(|| &text[..end + 2])
+}
+
+/// A command as HTML, escaped: to be copied, so that nothing is replaced.
+fn command(text: &str) -> String {
+    let word = |word: &str| match option(word) {
+        Some(name) => format!("<span class=\"option\">{name}</span>{}", HtmlEscape(&word[name.len()..])),
+        None => HtmlEscape(word).to_string(),
+    };
+    text.split(' ').map(word).collect::<Vec<_>>().join(" ")
 }
 
 /// Whether a text is the name of a file in a folder, alone or among words.
@@ -282,6 +306,14 @@ mod tests {
         assert_eq!(told("by 0.3 +- 0.1 deg, 1 +1"), "by 0.3 \u{b1} 0.1\u{a0}deg, 1 +1");
         // what only looks like it
         assert_eq!(told("one ` alone; 3 made; the joint moves"), "one ` alone; 3 made; the joint moves");
+    }
+
+    #[test]
+    fn an_option_stays_in_one_line() {
+        let held = "<span class=\"option\">--cross-validate</span>";
+        assert_eq!(told("`trical identify --cross-validate 5`"), format!("<code>trical identify {held} 5</code>"));
+        assert_eq!(told("--cross-validate: a -- b, x--y"), format!("{held}: a -- b, x--y"));
+        assert_eq!(command("trical 'a<b' --cross-validate=5"), format!("trical &#x27;a&lt;b&#x27; {held}=5"));
     }
 
     #[test]

@@ -14,7 +14,8 @@ use trical_plan::solid::{Core, Solid};
 use trical_plan::{CollisionModel, PlanEntry};
 
 pub use page::View;
-use page::{Camera, Drawn, Page, Paint, escaped};
+pub(crate) use page::escaped;
+use page::{Camera, Drawn, Page, Paint};
 
 type V3 = Vector3<f64>;
 
@@ -126,7 +127,7 @@ pub fn draw(scene: &Scene<'_>, view: View, width: f64) -> String {
         let (x, y, _) = page.at(&m.place);
         let _ = write!(
             svg,
-            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"2.6\" fill=\"{}\" fill-opacity=\"0.8\"><title>{}</title></circle>",
+            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"4\" fill=\"{}\" stroke=\"#fff\" stroke-width=\"0.8\"><title>{}</title></circle>",
             m.color,
             escaped(&m.title)
         );

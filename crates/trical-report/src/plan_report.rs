@@ -28,9 +28,9 @@ pub fn pictures(robot: &Robot, cell: &Cell, told: &Told) -> Result<Vec<Figure>> 
     let mut figures = vec![Figure::new(
         format!(
             "The cell with all {} poses, each in the colour of its ball: from base over the joints \
-                 to the tool, the last way into the ball drawn thick. Arm and device stand at one of \
-                 them; the dashed circle is the sphere in which the arm is to be accurate. Names show \
-                 under the pointer.",
+                 to the tool, the final approach to the ball drawn thick. Arm and device stand at one of \
+                 them; the dashed circle is the sphere in which the arm is to be accurate. Point at a \
+                 part to see its name.",
             touches.len()
         ),
         turn::draw_turning(&scene, 900.0)?,

@@ -148,7 +148,7 @@ impl Told {
         let advice = blindness::advice(&self.seen);
         if !advice.is_empty() {
             out.push(
-                "Effects that this plan would not show, with the lambda of a typical size (3 is just visible):".into(),
+                "Effects that this plan would not show, with lambda: their typical size in standard deviations of the noise (3 is just visible):".into(),
             );
         }
         for (remedy, what) in advice {
@@ -161,8 +161,9 @@ impl Told {
 
     /// What no such recording shows, a sentence each.
     pub fn lacks(&self) -> impl Iterator<Item = String> {
-        let said =
-            |(effect, lacks): &Lacking| format!("{}: such a recording lacks {lacks}.", capital(effect.effect().title));
+        let said = |(effect, lacks): &Lacking| {
+            format!("{}: not visible, such a recording lacks {lacks}.", capital(effect.effect().title))
+        };
         self.lacking.iter().map(said)
     }
 }

@@ -20,6 +20,11 @@ pub const AFTER: RGBColor = RGBColor(38, 102, 165);
 /// The colour of axes and what is written on them, as in the plots that a script draws.
 const PALE: RGBColor = RGBColor(71, 86, 106);
 
+/// The size of what is written on axes, and of names: this picture of 480 is drawn 370 wide on a telephone, where letters are to have ten pixels.
+const LETTERS: f64 = 13.5;
+/// The same for the library that draws, whose sizes are 1.24 times as large as what it writes.
+const DRAWN_LETTERS: f64 = 1.24 * LETTERS;
+
 /// Points of one colour.
 pub struct Series {
     /// In the legend.
@@ -55,7 +60,19 @@ fn range(values: impl Iterator<Item = f64> + Clone, from_zero: bool) -> std::ops
         return 0.0..1.0;
     }
     let pad = ((high - low) * 0.04).max(1e-9);
-    if from_zero { 0.0..(high + pad) } else { (low - pad)..(high + pad) }
+    if from_zero { 0.0..up_to_tick(high + pad) } else { (low - pad)..(high + pad) }
+}
+
+/// The next number that an axis from zero has a tick at: nothing is drawn above the highest tick. As the script has it.
+fn up_to_tick(high: f64) -> f64 {
+    if !(high.is_finite() && high > 0.0) {
+        return high;
+    }
+    let size = 10_f64.powf((high / 5.0).log10().floor());
+    let step =
+        [1.0, 2.0, 5.0, 10.0].map(|k| k * size).into_iter().find(|step| high / step <= 5.0).unwrap_or(10.0 * size);
+    // rounding must not take the tick away
+    (high / step).ceil() * step * (1.0 + 1e-9)
 }
 
 fn draw(size: (u32, u32), with: impl FnOnce(&Area<'_>) -> Result<()>) -> Result<String> {
@@ -87,7 +104,7 @@ type Mesh<'a, 'c, 's> = MeshStyle<'a, 'c, RangedCoordf64, RangedCoordf64, SVGBac
 /// A chart with room for its axes.
 fn framed<'a, 's>(area: &'a Area<'s>) -> ChartBuilder<'a, 'a, SVGBackend<'s>> {
     let mut chart = ChartBuilder::on(area);
-    chart.margin(10).x_label_area_size(44).y_label_area_size(64);
+    chart.margin(10).margin_right(16).x_label_area_size(50).y_label_area_size(72);
     chart
 }
 
@@ -138,8 +155,8 @@ fn axes<'a, 'c, 's>(
         .x_label_formatter(&tick)
         .y_label_formatter(&tick)
         .axis_style(PALE)
-        .label_style(("sans-serif", 12).with_color(PALE))
-        .axis_desc_style(("sans-serif", 12, FontStyle::Bold).with_color(PALE));
+        .label_style(("sans-serif", DRAWN_LETTERS).with_color(PALE))
+        .axis_desc_style(("sans-serif", DRAWN_LETTERS, FontStyle::Bold).with_color(PALE));
     also(&mut mesh);
     Ok(mesh.draw()?)
 }
@@ -351,12 +368,13 @@ fn legend(keys: &[(&str, RGBColor)]) -> String {
     for (name, color) in keys {
         let _ = write!(
             out,
-            "<circle cx=\"{x}\" cy=\"14\" r=\"4\" fill=\"{}\"/><text x=\"{}\" y=\"18\" font-family=\"sans-serif\" \
-             font-size=\"13\" fill=\"#1d2733\">{name}</text>",
+            "<rect x=\"{}\" y=\"8\" width=\"11\" height=\"11\" fill=\"{}\"/><text x=\"{}\" y=\"18\" font-family=\"sans-serif\" \
+             font-size=\"{LETTERS}\" fill=\"#1d2733\">{name}</text>",
+            x - 6,
             hex(*color),
             x + 9
         );
-        x += 30 + 7 * name.len();
+        x += 32 + 7 * name.len();
     }
     out
 }
@@ -377,7 +395,7 @@ pub fn curve_over_data(x_label: &str, y_label: &str, data: &[Series], curve: &Ba
     let mut size: Vec<f64> = data.iter().flat_map(|s| &s.points).map(|p| p.1.abs()).collect();
     size.sort_by(f64::total_cmp);
     let usual = size.get(size.len() * 97 / 100).copied().unwrap_or(0.0);
-    let top = (1.15 * high).max(usual).max(1e-12);
+    let top = up_to_tick((1.15 * high).max(usual).max(1e-12));
     let mut dots = String::new();
     let svg = draw((480, 300), |root| {
         let mut chart = framed(root)
@@ -436,7 +454,7 @@ pub fn spectrum(x_label: &str, y_label: &str, amplitudes: &[(f64, f64)], marks: 
             written.push((x, top));
             let _ = write!(
                 named,
-                "<text x=\"{at}\" y=\"{}\" font-family=\"sans-serif\" font-size=\"13\" text-anchor=\"{anchor}\" \
+                "<text x=\"{at}\" y=\"{}\" font-family=\"sans-serif\" font-size=\"{LETTERS}\" text-anchor=\"{anchor}\" \
                  fill=\"#c85c46\">{:.0}</text>",
                 top - 5,
                 mark.0
@@ -447,32 +465,36 @@ pub fn spectrum(x_label: &str, y_label: &str, amplitudes: &[(f64, f64)], marks: 
     Ok(with_more(&svg, &format!("<path d=\"{bars}\" stroke=\"#2666a5\" stroke-width=\"1.6\"/>{named}")))
 }
 
-/// So many bars have a label each.
-const CROWD: usize = 20;
+/// Height of a bar of a staircase with the room around it.
+const STAIR: usize = 20;
 
-/// A staircase: bars from left to right, each with its label below.
-pub fn staircase(y_label: &str, x_label: &str, values: &[(String, f64)]) -> Result<String> {
-    draw((480, 280), |root| {
-        let high = values.iter().map(|v| v.1).fold(0.0, f64::max) * 1.15;
-        let label = |x: &f64| {
-            let k = x.round().max(0.0) as usize;
-            let whole = (x - x.round()).abs() < 0.01;
-            // of many bars every second is labelled
-            let told = whole && k.is_multiple_of(values.len().div_ceil(CROWD).max(1));
-            values.get(k).filter(|_| told).map_or_else(String::new, |v| v.0.clone())
-        };
-        let mut chart = framed(root)
-            .x_label_area_size(40)
-            .build_cartesian_2d(-0.6..(values.len() as f64 - 0.4), 0.0..high.max(1e-9))?;
-        axes(&mut chart, x_label, y_label, |mesh| {
-            mesh.disable_x_mesh().x_labels(2 * values.len() + 1).x_label_formatter(&label);
-        })?;
-        chart.draw_series(values.iter().enumerate().map(|(k, (_, v))| {
-            let x = k as f64;
-            Rectangle::new([(x - 0.38, 0.0), (x + 0.38, *v)], if k == 0 { BEFORE } else { AFTER }.filled())
-        }))?;
-        Ok(())
-    })
+/// A staircase: bars from top to bottom, each with its name before and its value behind it; `what` they are stands above.
+pub fn staircase(what: &str, values: &[(String, f64)]) -> String {
+    const WIDE: usize = 480;
+    const LEFT: usize = 76;
+    const LONGEST: f64 = 330.0;
+    let most = values.iter().map(|v| v.1).fold(1e-12, f64::max);
+    let high = 32 + STAIR * values.len();
+    let mut svg = format!(
+        "<svg class=\"chart\" viewBox=\"0 0 {WIDE} {high}\" width=\"100%\" style=\"max-width:{WIDE}px\" xmlns=\"http://www.w3.org/2000/svg\" \
+         font-family=\"sans-serif\" font-size=\"{LETTERS}\" fill=\"{}\"><rect width=\"{WIDE}\" height=\"{high}\" fill=\"#fff\"/>\
+         <text x=\"{LEFT}\" y=\"16\" font-weight=\"bold\">{what}</text>",
+        hex(PALE)
+    );
+    for (k, (name, value)) in values.iter().enumerate() {
+        let (y, long) = (26 + STAIR * k, (value / most).max(0.0) * LONGEST);
+        let _ = write!(
+            svg,
+            "<text x=\"{}\" y=\"{}\" text-anchor=\"end\">{name}</text><rect x=\"{LEFT}\" y=\"{y}\" width=\"{long:.1}\" height=\"{}\" \
+             fill=\"{}\"/><text x=\"{:.1}\" y=\"{1}\">{value:.4}</text>",
+            LEFT - 8,
+            y + 12,
+            STAIR - 5,
+            hex(if k == 0 { BEFORE } else { AFTER }),
+            LEFT as f64 + long + 6.0
+        );
+    }
+    svg + "</svg>"
 }
 
 /// A curve with a band around it.
@@ -514,8 +536,8 @@ pub fn panels(x_label: &str, y_label: &str, panels: &[(String, Vec<Band>)]) -> R
                 continue;
             }
             let mut chart = framed(area)
-                .caption(heading, ("sans-serif", 16))
-                .y_label_area_size(70)
+                .caption(heading, ("sans-serif", 20))
+                .y_label_area_size(76)
                 .build_cartesian_2d(x, 0.0..high)?;
             axes(&mut chart, x_label, y_label, |_| ())?;
             for c in curves {
@@ -529,7 +551,11 @@ pub fn panels(x_label: &str, y_label: &str, panels: &[(String, Vec<Band>)]) -> R
         for (k, c) in legend.iter().enumerate() {
             let (x, y) = (70 + 400 * (k % columns) as i32, 12 + 24 * (k / columns) as i32);
             keys.draw(&PathElement::new(vec![(x, y), (x + 26, y)], c.color.stroke_width(3)))?;
-            keys.draw(&Text::new(c.name.clone(), (x + 34, y - 8), ("sans-serif", 14).into_font().color(&BLACK)))?;
+            keys.draw(&Text::new(
+                c.name.clone(),
+                (x + 34, y - 9),
+                ("sans-serif", DRAWN_LETTERS).into_font().color(&BLACK),
+            ))?;
         }
         Ok(())
     })

@@ -157,7 +157,7 @@ pub fn none_sure(d: &Diagnosis) -> Option<&'static str> {
 pub fn notes(d: &Diagnosis) -> Vec<String> {
     let told = |r: &String| {
         format!(
-            "{r}. The fit treats part of this as noise, and the errors here do not contain that part. The arm is not the cause."
+            "{r}. The fit treats part of this as noise, which the errors here do not include. It is not a fault of the arm."
         )
     };
     d.baseline.reading_noise.iter().map(told).collect()

@@ -115,7 +115,7 @@ fn print(c: &Comparison) -> Result<()> {
     }
     let mut lines = Vec::new();
     if !seen.is_empty() {
-        lines.push(format!("The smallest changes that would be found in nine cases of ten: {}.", seen.join(", ")));
+        lines.push(format!("Changes of this size would be found in nine cases of ten: {}.", seen.join(", ")));
     }
     if !unseen.is_empty() {
         lines.push(format!(

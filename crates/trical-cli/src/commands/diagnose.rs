@@ -135,24 +135,24 @@ fn next_json(args: &Args, undecided: &Undecided<'_>, next: &Next) -> serde_json:
 
 fn next_lines(args: &Args, next: Option<&(Undecided<'_>, Next)>) -> Vec<String> {
     let Some((undecided, next)) = next else {
-        return vec!["Nothing is undecided: no further touches were planned.".into()];
+        return vec!["No finding is undecided: no further touches were planned.".into()];
     };
     if next.lambda < TELLING {
         let text = format!(
-            "No {} touches that this arm can make here decide between {}: the best differ by {:.1} standard deviations. Nothing \
+            "No {} touches that this arm can make here decide whether it is {}: the best differ by {:.1} standard deviations. Nothing \
              was written; another load on the flange, or balls elsewhere, may help.",
             next.entries.len(),
-            undecided.names.join(" and "),
+            undecided.names.join(", or "),
             next.lambda
         );
         return table::wrapped(&text, 108, "");
     }
     let text = format!(
-        "{} touches in {} would decide between {}: they set any two of them at least {:.1} standard deviations apart (as many \
+        "{} touches in {} would decide whether it is {}: the predictions of any two differ by at least {:.1} standard deviations (as many \
          random touches: {:.1}){}. Measure them in the same cell, and diagnose both recordings together.",
         next.entries.len(),
         args.next_out.display(),
-        undecided.names.join(" and "),
+        undecided.names.join(", or "),
         next.lambda,
         next.random_lambda,
         if next.lambda < 3.0 { little(next) } else { String::new() }
@@ -191,7 +191,7 @@ fn lines(args: &Args, d: &Diagnosis) -> Vec<String> {
     if !blind.is_empty() {
         let all = EffectId::ALL.len();
         out.push(format!(
-            "{} of the {all} known effects could not be seen at one place or more, even if the arm had them{}.",
+            "This data could not show {} of the {all} known effects at some joints or other sites, even if the arm had them{}.",
             blind.len(),
             if args.report.is_none() { "; --report lists them" } else { "" }
         ));

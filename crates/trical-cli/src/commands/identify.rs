@@ -76,7 +76,7 @@ pub struct Args {
     /// Read recordings in passes, in memory that does not grow with their rows; the default for a CSV above 32 MB
     #[arg(long, conflicts_with_all = ["cross_validate", "hold_out_last"])]
     stream: bool,
-    /// A report to read, print and sign, one HTML file
+    /// A report to read and to print, one HTML file
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
     /// A certificate to print and sign: one page, HTML, with accuracy and repeatability by the formulas of ISO 9283

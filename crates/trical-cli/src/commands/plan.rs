@@ -271,7 +271,9 @@ pub fn run(args: &Args) -> Result<()> {
         say_lines(table::wrapped(said, 108, ""))?;
         say_lines(worth_lines(args, &worth))?;
     }
-    [Some(out), args.report.as_ref()].into_iter().flatten().try_for_each(|f| say(format!("Wrote {}", f.display())))
+    let files: Vec<String> =
+        [Some(out), args.report.as_ref()].into_iter().flatten().map(|f| f.display().to_string()).collect();
+    say(format!("Wrote {}", files.join(" and ")))
 }
 
 /// What places of sockets are worth, as a table.

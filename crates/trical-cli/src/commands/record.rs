@@ -102,7 +102,7 @@ impl Typed {
     }
 }
 
-const HELP: &str = "Enter takes the joints at the same socket, 1, 2, ... at that socket; p NAME is the next place; q ends. A row that is taken is on the disk.";
+const HELP: &str = "Enter records the joints at the same socket; 1, 2, ... at that socket; p NAME begins the next place; q ends. Each row is on the disk at once.";
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {

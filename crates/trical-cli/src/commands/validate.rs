@@ -28,7 +28,7 @@ pub struct Args {
     /// pose, the others are scored
     #[arg(long, value_delimiter = ',', value_name = "WHAT")]
     refit: Vec<String>,
-    /// A report to read, print and sign, one HTML file
+    /// A report to read and to print, one HTML file
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
     /// A certificate to print and sign: one page, HTML, with accuracy and repeatability by the formulas of ISO 9283

@@ -98,7 +98,7 @@ impl Remedy {
                  tilt further (--max-tilt-deg): gravity torques must change sign"
             }
             Self::KnownPayload => "some touches with another, known payload",
-            Self::BothSenses => "more touches with approaches in both senses of the joint",
+            Self::BothSenses => "more touches that are approached in both senses of the joint's motion",
             Self::WiderRange => "touches that use more of the joint's range: balls further apart, or on a second plate",
             Self::SecondInstrument => {
                 "an instrument besides the balls: the place of the base takes up a wrong ballbar distance"

@@ -37,7 +37,7 @@ const FIRST_WAVE: f64 = deg(0.012);
 fn ask(r: &Covariates<'_>) -> Asked {
     let waves = (r.poses / POSES_PER_WAVE).min(ENCODER_WAVES.1);
     if waves < ENCODER_WAVES.0 {
-        return Asked::lacking("poses: an encoder's curve needs seventy and more");
+        return Asked::lacking("poses: an encoder's curve needs at least 72");
     }
     let of = |joint: usize, waves: usize| {
         let at = Site::Joint { joint };

@@ -226,7 +226,7 @@ fn sure_findings_without_a_row_of_their_own_are_named_by_what_they_are_together(
     let rest = verdict.shortened(1).into_iter().find(|r| r.kind == RowKind::Rest).unwrap_or_else(|| unreachable!());
     assert_eq!(
         rest.text,
-        "Smaller ones together: gear ripple at joints 1 to 6 (97 to 99 %), curves of no known cause; 1 more finding"
+        "Smaller findings together: gear ripple at joints 1 to 6 (97 to 99 %), curves of no known cause; 1 more finding"
     );
     assert_eq!(rest.findings, [2, 3, 4, 5, 6, 7, 8]);
     assert!(rest.corrected);
@@ -282,7 +282,7 @@ fn what_has_no_name_stands_in_the_table_at_its_size_with_what_to_do() {
             ),
             row("No known cause: change in the course of a session at joint 1", false),
             row(
-                "Still unexplained at joint 5: 0.020 mm that go with the angle of joint 4, the same every 0.04 deg",
+                "Still unexplained at joint 5: 0.020 mm rms that depend on the angle of joint 4, the same every 0.04 deg",
                 false
             ),
             row("Whole model, 60 parameters", true),

@@ -150,8 +150,8 @@ fn lacking(left_out: &[LeftOut]) -> Option<String> {
     let all: BTreeSet<String> = needs.map(|(what, effect)| format!("{what} (for {effect})")).collect();
     (!all.is_empty()).then(|| {
         format!(
-            "But the calibration needs {}, which this recording does not have: what is left out of the model for that looks like a change of the \
-             arm, or hides one.",
+            "But the calibration needs {}, which this recording does not have. That part of the model is left out: this can look like a change of \
+             the arm, or hide one.",
             all.into_iter().collect::<Vec<_>>().join(" and ")
         )
     })
@@ -163,8 +163,8 @@ fn turned_far(changes: &[Change]) -> Option<String> {
     let far = turned.map(|b| b.value.powi(2)).sum::<f64>().sqrt();
     (far > FAR_TURNED_DEG).then(|| {
         format!(
-            "But the tool was turned by {far:.0} deg, too far for what else is told here: identify it anew on this recording, or calibrate from \
-             both."
+            "But the tool was turned by {far:.0} deg, so far that the other changes cannot be judged: identify it anew on this recording, or \
+             calibrate from both."
         )
     })
 }
@@ -201,13 +201,9 @@ fn scatter_in_words(c: &Comparison) -> Option<String> {
         format!("The measurements scatter {:.1} times as much about the model as in the old session", c.more_noise);
     match c.more_noise {
         much if much > NO_FIT => Some(format!(
-            "{scatter}, and {} explains that: something else is different, of the arm (play, load, heat, a link) or of how it was measured. \
-             Diagnose this recording.",
-            if c.changes.is_empty() {
-                "no change of one joint, the tool or the base"
-            } else {
-                "nothing that is told here"
-            }
+            "{scatter}, and {} explains that. Something else differs: in the arm (play, load, heat, a link) or in the measurement. Diagnose this \
+             recording.",
+            if c.changes.is_empty() { "no change of one joint, the tool or the base" } else { "none of these changes" }
         )),
         more if more > MORE_SCATTER => Some(format!("{scatter}.")),
         _ => None,
@@ -255,8 +251,8 @@ fn summary(c: &Comparison) -> String {
     if !c.anew.is_empty() {
         let it = if c.anew.len() > 1 { "them" } else { "it" };
         words.push(format!(
-            "A change of the {} cannot be seen: the calibration does not know {it}, and this recording's own fit finds \
-             {it}.",
+            "A change of the {} cannot be seen: the calibration did not measure {it}, and this recording identifies {it} \
+             anew.",
             c.anew.join(" and ")
         ));
     }

@@ -81,9 +81,18 @@ fn a_curve_is_drawn_over_what_its_region_is_said_of() {
 }
 
 #[test]
-fn joints_and_links_are_off_and_a_joint_is() {
+fn joints_and_links_have_errors_and_a_joint_has_one() {
     let said = [Place::Links, Place::Joints, Place::Tool, Place::Joint(3)].map(is_off);
-    assert_eq!(said, ["The links are off", "The joints are off", "The tool is off", "Joint 3 is off"]);
+    assert_eq!(
+        said,
+        ["The links have errors", "The joints have errors", "The tool has an error", "Joint 3 has an error"]
+    );
+}
+
+#[test]
+fn a_wave_says_what_it_is_of() {
+    let said = ["wobble_foot_x_sine_2_3", "wobble_y_sine_1_3", "rail_z_sine_1_1"].map(of_wave);
+    assert_eq!(said, ["tilt about x, at the foot of the axis", "tilt about y", "rail z"]);
 }
 
 #[test]

@@ -88,7 +88,7 @@ impl Paint<'_> {
 }
 
 /// Text as it stands in SVG.
-pub(super) fn escaped(text: &str) -> String {
+pub(crate) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;")
 }
 

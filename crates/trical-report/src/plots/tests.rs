@@ -133,13 +133,25 @@ fn larger_values_stand_higher_and_further_right() {
 
 #[test]
 fn a_staircase_begins_with_what_was_before() {
-    let svg = staircase("mm", "", &[("plain".into(), 4.0), ("one".into(), 2.0)]).unwrap();
+    let svg = staircase("mm", &[("plain".into(), 4.0), ("one".into(), 2.0)]);
     let bar = |color: &str| {
         let rect = svg.split("<rect").find(|r| r.contains(color)).unwrap();
-        (between(rect, " x=\"", "\"")[0], between(rect, "height=\"", "\"")[0])
+        (between(rect, " y=\"", "\"")[0], between(rect, "width=\"", "\"")[0])
     };
-    let (before, after) = (bar("fill=\"#C85C46\""), bar("fill=\"#2666A5\""));
+    let (before, after) = (bar("fill=\"#c85c46\""), bar("fill=\"#2666a5\""));
     assert!(before.0 < after.0 && (before.1 / after.1 - 2.0).abs() < 0.05, "{before:?} {after:?}");
+    // each has its name and its value, however many they are
+    let many: Vec<(String, f64)> = (0..40).map(|k| (format!("n{k}"), 1.0)).collect();
+    assert_eq!(staircase("mm", &many).matches(">1.0000<").count(), 40);
+}
+
+#[test]
+fn nothing_is_drawn_above_the_highest_tick_of_an_axis_from_zero() {
+    for (high, top) in [(6.793, 8.0), (0.51, 0.6), (1.0, 1.0), (0.019, 0.02), (4.9, 5.0), (5.1, 6.0), (23.0, 25.0)] {
+        let found = up_to_tick(high);
+        assert!(found >= high && (found / top - 1.0).abs() < 1e-6, "{high}: {found}");
+    }
+    assert_eq!(up_to_tick(0.0), 0.0);
 }
 
 #[test]

@@ -429,7 +429,7 @@ pub(crate) fn optional_groups(model: &Model, data: &Dataset, choice: &Choice) ->
 fn waves(joint: usize) -> impl Iterator<Item = Term> {
     let wave = move |(k, cycles)| {
         [("sine", Shape::Sine { cycles }), ("cosine", Shape::Cosine { cycles })].map(|(name, shape)| {
-            let basis = trical_model::Basis::new(trical_model::Variable::Joint { joint }, shape);
+            let basis = trical_model::Basis::new(Variable::Joint { joint }, shape);
             Term::new(format!("{name}_{k}_{joint}"), "joint_harmonic", Site::Joint { joint }, basis)
         })
     };

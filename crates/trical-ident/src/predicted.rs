@@ -5,7 +5,7 @@
 //! `h C h' + s^2 k (S'S)^-1 k'`, `h = j - k (S'S)^-1 S'J`: what belongs to the session makes up for part of what is wrong with the arm.
 //! Where a curve was never visited `C` is its prior, so that predictions are as uncertain there as the curve is. What happened in the course of
 //! the sessions that were learnt (warming up, a step) may happen in another one, unforeseen: its spread is added. At joint angles that the model
-//! was not fitted at, the effects that were found may be others: their spread is added there.
+//! was not fitted at, the effects that were found may be others: predictions are at least as uncertain there as these are large.
 
 use faer::linalg::solvers::{DenseSolveCore, Solve};
 use faer::{Mat, Side};
@@ -226,7 +226,9 @@ fn coordinates(
             let known = learnt.get(data.observations[observation].recording).copied().unwrap_or(false);
             let course = if known { 0.0 } else { uncertainty.course };
             let effects = if beyond.get(observation) == Some(&true) { uncertainty.effects } else { 0.0 };
-            let all = (parameters + noise * noise + course * course + effects * effects).sqrt();
+            // a curve that was never visited is as uncertain by its own prior
+            let unsure = parameters.max(effects * effects);
+            let all = (unsure + noise * noise + course * course).sqrt();
             Coordinate { parameters: parameters.sqrt(), all, error: *error, observation }
         })
         .collect())

@@ -554,8 +554,8 @@ fn refuse_short(data: &Dataset) -> Result<()> {
             file: data.names[k].clone(),
             place: "its rows".into(),
             problem: format!(
-                "found {} poses, too few to tell whether tool and balls are those of the other recordings; expected at least {SHORT}, or to \
-                 be told that all have one tool",
+                "found {} of the {SHORT} poses at least that tell whether tool and balls are those of the other recordings; measure more, or \
+                 say that all have one tool",
                 poses(k)
             ),
         }),

@@ -457,6 +457,14 @@ mod tests {
         assert!(cautions(&model, 135, 31)[0].starts_with("c_6 comes out at -0.57 deg/Nm, and no joint is that soft"));
         model.terms[0] = soft(1e-2);
         assert!(cautions(&model, 135, 31).is_empty());
+        // or moves against its load
+        model.terms[0] = Term { value: -1e-4, ..soft(2e-5) };
+        assert!(
+            cautions(&model, 135, 31)[0]
+                .starts_with("c_6 comes out at -0.0057 deg/Nm, and no joint moves against its load")
+        );
+        model.terms[0] = Term { value: 1e-4, ..soft(2e-5) };
+        assert!(cautions(&model, 135, 31).is_empty());
         model.terms[0] = before;
         // a plate that leans, in the second session
         let about_x = Site::Fixture(Motion::About(Axis::X));

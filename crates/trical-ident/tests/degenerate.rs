@@ -74,6 +74,25 @@ fn refused(cell: &Cell, recording: Recording, words: &[&str]) -> String {
 }
 
 #[test]
+fn errors_that_no_arm_has_are_refused() {
+    let mut rng = Pcg64Mcg::seed_from_u64(4);
+    let mut elsewhere = points(60, varied);
+    for row in &mut elsewhere.rows {
+        if let Measured::Point { position, .. } = &mut row.measured {
+            position.iter_mut().for_each(|x| *x += rng.random_range(-0.15..0.15));
+        }
+    }
+    let calibrated = |recording, set| {
+        let options = Options { keep_outliers: true, ..Options::new(set) };
+        calibrate(&robot(), &cell(), &[recording], &options, &Task::silent()).map(|_| ())
+    };
+    let said = calibrated(elsewhere.clone(), ParameterSet::Geometry).unwrap_err().to_string();
+    assert!(said.contains("mm off, more than any arm"), "{said}");
+    calibrated(elsewhere, ParameterSet::Nominal).unwrap();
+    calibrated(points(60, varied), ParameterSet::Geometry).unwrap();
+}
+
+#[test]
 fn varied_poses_are_enough() {
     fit(&cell(), points(60, varied), ParameterSet::Geometry).unwrap();
     fit(&cell(), touches(&cell(), &[0, 1, 2]), ParameterSet::Geometry).unwrap();

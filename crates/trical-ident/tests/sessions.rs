@@ -376,6 +376,21 @@ fn whoever_knows_better_may_say_which_sessions_share_a_tool() {
 }
 
 #[test]
+fn a_session_too_short_to_tell_where_its_tool_is_is_refused() {
+    let nominal = crate::arm::truth(ParameterSet::Compliance, 11);
+    let all = |rows: usize| {
+        let first = Recording { name: "long.csv".into(), ..crate::arm::touch(&nominal, 90, NOISE, 1) };
+        let mut second = Recording { name: "short.csv".into(), ..crate::arm::touch(&nominal, 90, NOISE, 2) };
+        second.rows.truncate(rows);
+        let options = Options { tool: ToolSharing::FromData, ..Options::new(ParameterSet::Compliance) };
+        calibrate(&nominal.robot, &nominal.cell, &[first, second], &options, &Task::silent())
+    };
+    let said = all(1).unwrap_err().to_string();
+    assert!(said.starts_with("short.csv") && said.contains("found 1 of the 5 poses at least"), "{said}");
+    assert!(all(12).is_ok());
+}
+
+#[test]
 fn balls_that_stood_elsewhere_in_another_session_are_found_and_refitted_in_a_third() {
     let nominal = crate::arm::truth(ParameterSet::Compliance, 11);
     let touched = |session: u64, shift: f64| {
@@ -460,6 +475,13 @@ fn a_model_file_keeps_how_far_the_day_moved_the_measurements() {
     let expected = drift.abs() * ((60.0_f64.powi(2) - 1.0) / 12.0 / 3.0).sqrt();
     assert!((of_file.course / expected - 1.0).abs() < 1e-6, "{} {expected}", of_file.course);
     assert!((of_file.noise / NOISE - 1.0).abs() < 0.2, "{}", of_file.noise);
+    // what effects moved is what the plain model's scatter has beyond this one's
+    let plain = 5.0 * of_file.noise;
+    let with_effects = of_file.of_effects(plain);
+    assert!((with_effects.effects / plain - 0.96_f64.sqrt()).abs() < 1e-12);
+    let file = ModelFile { uncertainty: Some(with_effects.clone()), ..ModelFile::of_fit(&fitted) };
+    let read = ModelFile::parse(&file.to_toml().unwrap(), "model.toml").unwrap().uncertainty.unwrap();
+    assert!((read.effects / with_effects.effects - 1.0).abs() < 1e-12);
 }
 
 #[test]

@@ -517,8 +517,12 @@ pub fn of(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f6
         let what = if rest == 1 { "finding is" } else { "findings are" };
         sentences.push(format!("{rest} more {what} small or not sure."));
     }
-    sentences.extend(unexplained.iter().take(1).map(|u| {
-        format!("No known cause: {} is off, {} ({:.3} mm).", u.site, region(&u.region, given.robot), u.rms_mm)
+    let rows = rows(findings, unexplained, models, given);
+    // as the table has it, or where no curve took it up
+    let curves = rows.iter().find(|r| r.kind == RowKind::Curves).map(|r| format!("{}.", r.text));
+    sentences.extend(curves.or_else(|| {
+        let u = unexplained.first()?;
+        Some(format!("No known cause: {} is off, {} ({:.3} mm).", u.site, region(&u.region, given.robot), u.rms_mm))
     }));
     if findings.is_empty() && unexplained.is_empty() {
         sentences.push(format!("{NOTHING}."));
@@ -535,7 +539,7 @@ pub fn of(findings: &[Finding], unexplained: &[Unexplained], models: [(usize, f6
         named_share: (share * 1e4).round() / 1e4,
         unnamed_share: if explained { ((1.0 - share).max(0.0) * 1e4).round() / 1e4 } else { 0.0 },
         actions,
-        rows: rows(findings, unexplained, models, given),
+        rows,
     }
 }
 

@@ -129,6 +129,8 @@ pub struct Validation {
     pub left_out: Vec<LeftOut>,
     /// Effects of a setup that jumped in the course of the model's only session, and is taken to be here as it was at its end.
     pub carried_over: Vec<String>,
+    /// How far the cell file has the tool from where that of the model has it, mm, if it does; the model's is used.
+    pub other_tool_mm: Option<f64>,
     /// Rows that were not used.
     pub rejected: Vec<Rejected>,
     /// Errors one by one, m: before, after.
@@ -173,9 +175,17 @@ impl Validation {
         let carried = (!carried.is_empty())
             .then(|| format!("As at the end of the session that the model was fitted to: {}.", named(&carried)));
         let left_out = |(reason, effects): (&str, Vec<&str>)| format!("Left out: {} ({reason}).", named(&effects));
-        reasons.into_iter().map(left_out).chain(carried).collect()
+        let other = self.other_tool_mm.map(|mm| {
+            format!(
+                "The cell file has the tool {mm:.3} mm from where the cell of the fit has it; the model's was used."
+            )
+        });
+        reasons.into_iter().map(left_out).chain(carried).chain(other).collect()
     }
 }
+
+/// Tools of two cell files are the same within this, m.
+const SAME_TOOL: f64 = 1e-6;
 
 /// A recording beside the model: the session that it is there, its measuring frame, what is to be identified.
 struct Place {
@@ -252,7 +262,9 @@ pub fn validate(
         }
         None => None,
     };
+    let off = (cell.tool.tcp - file.model.cell.tool.tcp).norm();
     Ok(Validation {
+        other_tool_mm: (off > SAME_TOOL).then_some(off * 1e3),
         before: ErrorSummary::of(&before),
         after: ErrorSummary::of(&after),
         n: pairs.len(),

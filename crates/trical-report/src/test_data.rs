@@ -50,6 +50,7 @@ pub(crate) fn validation(before: f64, after: f64) -> Validation {
         after,
     };
     Validation {
+        other_tool_mm: None,
         before,
         after,
         n: 4,

@@ -10,8 +10,8 @@ mod whole;
 use std::collections::BTreeSet;
 
 use trical_ident::by_place::choose;
-use trical_ident::calibration::own_setup;
-use trical_ident::caution::{held, near_nominal, refuse_no_arm};
+use trical_ident::calibration::{own_setup, refuse_no_arm};
+use trical_ident::caution::{held, near_nominal};
 use trical_ident::dataset::{Dataset, Observation};
 use trical_ident::error::Result;
 use trical_ident::follow::refuse_stuck_stems;

@@ -8,8 +8,8 @@ use trical_recording::CsvStream;
 use crate::ball_places::{place_of, unknown_places};
 use crate::by_place::{ByPlace, MeasuredDistance, OfPlace, TriedByPlace, choose, doubtful_places, score_places};
 use crate::caution::{
-    EVEN_MASSES, beyond_limits, cautions, coincident, held, near_nominal, no_arm, odd_units, refuse_no_arm,
-    shared_errors, too_many, which_target, without_masses,
+    EVEN_MASSES, beyond_limits, cautions, coincident, held, near_nominal, no_arm, odd_units, shared_errors, too_many,
+    which_target, without_masses,
 };
 use crate::dataset::{Dataset, JointSource, Rejected};
 use crate::error::{IdentError, Result};
@@ -20,14 +20,15 @@ pub use crate::identify::Fit;
 use crate::identify::{ErrorSummary, Identified, identify};
 use crate::joint_choice::clean;
 use crate::read_otherwise::read_otherwise;
-use crate::rigid::moved;
+use crate::rigid::{median, moved};
 use crate::solver::LmReport;
 use crate::stream::identify_stream;
 use crate::torque_load::{TorqueLoad, torque_loads};
 use crate::units::{Shown, shown};
 use crate::validate::score_session;
 
-/// Beyond so many measurements errors at unseen poses are worked out only where they are asked for.
+/// Beyond so many measurements errors at unseen poses are worked out only where they are asked for, and standard deviations are those of
+/// independent measurements.
 const SCORED: usize = 40_000;
 
 /// Share of each session's poses that is predicted by a fit to those before, percent.
@@ -399,7 +400,11 @@ pub fn calibrate(
     let (robot, choice, tried) = choose(robot, cell, &data, &choice)?;
     let robot = &robot;
     let elasticity = choice.elasticity(robot, &data)?;
-    let fitted = identify(robot, cell, &data, choice.clone())?.with_shared_errors()?;
+    let mut fitted = identify(robot, cell, &data, choice.clone())?;
+    let few = data.observations.len() <= SCORED;
+    if few {
+        fitted = fitted.with_shared_errors()?;
+    }
     if set != ParameterSet::Nominal {
         refuse_no_arm(&fitted)?;
     }
@@ -419,7 +424,7 @@ pub fn calibrate(
         .folds
         .map(|k| cross_validate(robot, cell, &data, choice.clone(), k).map(|e| (k, ErrorSummary::of(&e))))
         .transpose()?;
-    let (held_out, at_places) = if data.observations.len() <= SCORED {
+    let (held_out, at_places) = if few {
         held_out(robot, cell, &data, &folds, &choice, task)?
     } else {
         (HeldOut::default(), ByPlace::default())
@@ -542,6 +547,21 @@ pub fn own_setup(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice, to
     }
     all.balls.retain(|s| needed(*s, true));
     Ok(all)
+}
+
+/// Refuses a fit that no arm has: half of its errors are larger than this, m.
+const REFUSED: f64 = 5e-2;
+
+/// Refuses a fit of the whole geometry that leaves what no arm does.
+///
+/// # Errors
+/// Errors of many centimetres.
+pub fn refuse_no_arm(fitted: &Identified) -> Result<()> {
+    let left = median(&fitted.errors()?);
+    if left > REFUSED {
+        return Err(IdentError::WrongModel(no_arm(left * 1e3, None).join("; ")));
+    }
+    Ok(())
 }
 
 /// A recording with fewer poses does not say where its tool and its balls are.

@@ -4,10 +4,7 @@ use trical_model::{Axis, Basis, Joint, JointKind, Measured, Model, Motion, Param
 
 use crate::dataset::Dataset;
 use crate::degenerate::hardly_moving;
-use crate::error::{IdentError, Result};
 use crate::identifiability::{Elasticity, NEAR_PARALLEL};
-use crate::identify::Identified;
-use crate::rigid::median;
 use crate::weak::SOFTEST;
 
 /// A base farther from where the cell file has it is more likely a mistake than a measurement, m and rad.
@@ -110,9 +107,6 @@ pub fn no_arm(mm: f64, deg: Option<f64>) -> Vec<String> {
     out
 }
 
-/// Refuses a fit that no arm has: half of its errors are larger than this, m.
-const REFUSED: f64 = 5e-2;
-
 /// Intervals that are so many times as wide as by the scatter alone are told.
 const MUCH_WIDER: f64 = 2.0;
 
@@ -126,18 +120,6 @@ pub fn shared_errors(design_effect: f64) -> Option<String> {
              what the scatter of single measurements would say"
         )
     })
-}
-
-/// Refuses a fit of the whole geometry that leaves what no arm does.
-///
-/// # Errors
-/// Errors of many centimetres.
-pub fn refuse_no_arm(fitted: &Identified) -> Result<()> {
-    let left = median(&fitted.errors()?);
-    if left > REFUSED {
-        return Err(IdentError::WrongModel(no_arm(left * 1e3, None).join("; ")));
-    }
-    Ok(())
 }
 
 /// What to look at where much is left, mm, and nothing is known that explains it.

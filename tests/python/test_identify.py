@@ -37,7 +37,7 @@ def test_the_two_sessions_of_the_ur10_are_one_arm(shared: Path) -> None:
     assert told["verdict"] == "unchanged"
     visible = {v["what"]: v["smallest"] for v in told["visible"]}
     assert visible["joint 1"] is None and 0.01 < visible["joint 2"] < 0.2
-    alone = {a["name"]: a for a in told["alone"]}
+    each = {a["name"]: a for a in told["each"]}
     # what is called visible is what would be told: joint 2's 0.024 deg lie below it, sure as they are
-    assert "joint 1" not in alone and abs(alone["joint 2"]["value"]) < visible["joint 2"]
-    assert all(a["sd"] < (20 if a["unit"] == "mm" else 2) for a in alone.values())
+    assert "joint 1" not in each and abs(each["joint 2"]["value"]) < visible["joint 2"]
+    assert all(a["sd"] < (20 if a["unit"] == "mm" else 2) for a in each.values())

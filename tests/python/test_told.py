@@ -58,12 +58,21 @@ def test_both_ways_say_that_no_arm_errs_like_this(place: Path) -> None:
     for row in rows[1:]:
         row[second], row[third] = row[third], row[second]
     (place / "swapped.csv").write_text("\n".join(map(",".join, rows)) + "\n")
+    for row in rows[1:]:
+        row[second], row[third] = row[third], row[second]
+    fifth = rows[0].index("q5_deg")
+    for k, row in enumerate(rows[1:]):
+        row[fifth] = str(float(row[fifth]) + (7 if k % 2 else -7))
+    (place / "bent.csv").write_text("\n".join(map(",".join, rows)) + "\n")
     for name in ("identify", "diagnose"):
-        told = {f: json.loads(command(place, name, f"{f}.csv", *ARGS, "--json")) for f in ("swapped", "touches")}
-        assert re.match(r"after identification the tool is still \d+ mm off", told["swapped"]["cautions"][0])
+        # what no arm does at all is refused
+        done = subprocess.run([program(), name, "swapped.csv", *ARGS], cwd=place, capture_output=True, text=True)
+        assert done.returncode == 2 and re.search(r"the tool is still \d+ mm off, more than any arm", done.stderr)
+        told = {f: json.loads(command(place, name, f"{f}.csv", *ARGS, "--json")) for f in ("bent", "touches")}
+        assert re.match(r"after identification the tool is still \d+ mm off", told["bent"]["cautions"][0])
         assert not any("still" in c for c in told["touches"]["cautions"])
     # before the verdict
-    printed = command(place, "diagnose", "swapped.csv", *ARGS)
+    printed = command(place, "diagnose", "bent.csv", *ARGS)
     assert printed.startswith("Caution: after identification the tool is still")
 
 

@@ -197,8 +197,12 @@ pub fn elsewhere(d: &Diagnosis) -> Option<String> {
         // of one session alone: what happened in its course is in the errors, and not in those of a program
         let course = d.uncertainty.as_ref().map_or(0.0, |u| u.course / u.noise);
         let there = d.after.holdout_rms_mm * course.hypot(1.0);
+        let plain = d.baseline.holdout_rms_mm;
+        let worse = if there > plain { ", worse than the plain model: use that one there" } else { "" };
         (there > MUCH_WORSE * d.after.holdout_rms_mm).then(|| {
-            format!("in another session about {there:.decimals$} mm, since what happened in the course of this one is not corrected there")
+            format!(
+                "in another session about {there:.decimals$} mm, since what happened in the course of this one is not corrected there{worse}"
+            )
         })
     })
 }

@@ -198,10 +198,10 @@ pub fn elsewhere(d: &Diagnosis) -> Option<String> {
         let course = d.uncertainty.as_ref().map_or(0.0, |u| u.course / u.noise);
         let there = d.after.holdout_rms_mm * course.hypot(1.0);
         let plain = d.baseline.holdout_rms_mm;
-        let worse = if there > plain { ", worse than the plain model: use that one there" } else { "" };
+        let worse = if there > plain { ", worse than the plain model (use that one there)" } else { "" };
         (there > MUCH_WORSE * d.after.holdout_rms_mm).then(|| {
             format!(
-                "in another session about {there:.decimals$} mm, since what happened in the course of this one is not corrected there{worse}"
+                "in another session about {there:.decimals$} mm{worse}, since what happened in the course of this one is not corrected there"
             )
         })
     })

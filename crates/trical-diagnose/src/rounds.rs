@@ -17,7 +17,7 @@ use trical_ident::error::Result;
 use trical_ident::follow::refuse_stuck_stems;
 use trical_ident::gross::reject_gross_errors_beyond;
 use trical_ident::identifiability::{Choice, ParameterSet};
-use trical_ident::identify::{Identified, fit_some, identify, manner};
+use trical_ident::identify::{ErrorSummary, Identified, fit_some, identify, manner};
 use trical_ident::known::Known;
 use trical_ident::read_otherwise::read_otherwise;
 use trical_ident::readings::{Scatter, averaged};
@@ -147,7 +147,7 @@ impl Rounds {
         let choice = choice.with_own(own);
         let (robot, choice, _) = choose(robot, cell, &all, &choice)?;
         let fitted = identify(&robot, cell, &all, choice)?;
-        refuse_no_arm(&fitted)?;
+        refuse_no_arm(BASELINE, ErrorSummary::of(&fitted.errors()?))?;
         let mut known = fitted.known.clone();
         known.resize(fitted.model.terms.len(), Known::NOTHING);
         // an effect of the load times a compliance could be anything, were the compliance so

@@ -20,7 +20,7 @@ pub use crate::identify::Fit;
 use crate::identify::{ErrorSummary, Identified, identify};
 use crate::joint_choice::clean;
 use crate::read_otherwise::read_otherwise;
-use crate::rigid::{median, moved};
+use crate::rigid::moved;
 use crate::solver::LmReport;
 use crate::stream::identify_stream;
 use crate::torque_load::{TorqueLoad, torque_loads};
@@ -405,11 +405,11 @@ pub fn calibrate(
     if few {
         fitted = fitted.with_shared_errors()?;
     }
-    if set != ParameterSet::Nominal {
-        refuse_no_arm(&fitted)?;
-    }
+    let after = fitted.errors()?;
+    let errors = ErrorSummary::of(&after);
+    refuse_no_arm(set, errors)?;
     let nominal = identify(robot, cell, &data, Choice::from(ParameterSet::Nominal).with_own(choice.own().clone()))?;
-    let (each_before, after) = (nominal.errors()?, fitted.errors()?);
+    let each_before = nominal.errors()?;
     let folds = Folds::of(&data);
     let forward_in_time = options
         .hold_out_last
@@ -434,7 +434,7 @@ pub fn calibrate(
         orientation: orientation(&nominal.model, &fitted)?,
         nominal: nominal.model,
         before: ErrorSummary::of(&each_before),
-        errors: ErrorSummary::of(&after),
+        errors,
         each_before,
         held_out,
         cross_validation,
@@ -478,6 +478,7 @@ pub fn calibrate_stream(
     let elasticity = options.choice.elasticity(robot, &data)?;
     task.step(0.2, "fitting in passes")?;
     let streamed = identify_stream(robot, cell, stream, &data, options.choice.clone(), options.keep_outliers)?;
+    refuse_no_arm(set, streamed.errors)?;
     // of what is drawn: the sample
     let nominal = identify(robot, cell, &streamed.identified.data, ParameterSet::Nominal)?;
     task.step(1.0, "done")?;
@@ -549,17 +550,16 @@ pub fn own_setup(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice, to
     Ok(all)
 }
 
-/// Refuses a fit that no arm has: half of its errors are larger than this, m.
-const REFUSED: f64 = 5e-2;
+/// Refuses a fit that no arm has: half of its errors are larger than this, mm.
+const REFUSED_MM: f64 = 50.0;
 
-/// Refuses a fit of the whole geometry that leaves what no arm does.
+/// Refuses a fit of more than the nominal arm that leaves what no arm does.
 ///
 /// # Errors
 /// Errors of many centimetres.
-pub fn refuse_no_arm(fitted: &Identified) -> Result<()> {
-    let left = median(&fitted.errors()?);
-    if left > REFUSED {
-        return Err(IdentError::WrongModel(no_arm(left * 1e3, None).join("; ")));
+pub fn refuse_no_arm(set: ParameterSet, left: ErrorSummary) -> Result<()> {
+    if set != ParameterSet::Nominal && left.median_mm > REFUSED_MM {
+        return Err(IdentError::WrongModel(no_arm(left.median_mm, None).join("; ")));
     }
     Ok(())
 }

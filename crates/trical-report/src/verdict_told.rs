@@ -284,6 +284,8 @@ mod tests {
         // what asks nothing but to use the model is no advice, what else may be done is
         let asks = |action| VerdictRow { action: Some(action), corrected: true, ..found.clone() };
         assert_eq!(advice(&asks("Let the calibrated model correct it.")), "Modelled.");
+        let silent = VerdictRow { corrected: false, ..asks("Let the calibrated model correct it") };
+        assert_eq!(advice(&silent), "");
         let worn = asks("Let the calibrated model correct it; where it grows, have the gear checked.");
         assert_eq!(advice(&worn), "Modelled. Where it grows, have the gear checked.");
     }

@@ -144,40 +144,39 @@ impl<'a> Whitened<'a> {
         for k in wrong {
             extend(&mut basis, &self.columns[*k]);
         }
-        self.more_noise =
-            more_noise(self.residual.clone(), &basis, self.new) * shared(self.residual.clone(), &basis, &self.poses);
+        let mut left = self.residual.clone();
+        project_out(&mut left, &basis);
+        self.more_noise = more_noise(&left, self.new + basis.len()) * shared(&left, &basis, &self.poses);
     }
 }
 
-/// By how much the variance of `residual` beside the orthonormal `basis` is larger than 1; 1 where it is smaller, or too few degrees of
-/// freedom are left. `new` more were taken up before.
-fn more_noise(mut residual: Vec<f64>, basis: &[Vec<f64>], new: usize) -> f64 {
-    let rows = residual.len();
-    let freedom = rows.saturating_sub(new + basis.len());
+/// By how much the variance of what is `left` beside so many directions that were `taken` up is larger than 1; 1 where it is smaller, or too
+/// few degrees of freedom are left.
+fn more_noise(left: &[f64], taken: usize) -> f64 {
+    let rows = left.len();
+    let freedom = rows.saturating_sub(taken);
     if freedom < 6 {
         return 1.0;
     }
-    project_out(&mut residual, basis);
     // by the median, which one wrong measurement does not move: that of chi-squared with one degree of freedom is 0.4549
-    let mut squares: Vec<f64> = residual.iter().map(|x| x * x).collect();
+    let mut squares: Vec<f64> = left.iter().map(|x| x * x).collect();
     squares.sort_by(f64::total_cmp);
     let share = rows as f64 / freedom as f64;
     (squares[squares.len() / 2] / 0.4549 * share).max(1.0)
 }
 
 /// By how much larger than by independent measurements the variance along the orthonormal `basis` is, since all that is seen at one pose
-/// shares what the model lacks there; at least 1. The sums over poses of the parts of what is left, beside what they would be.
-fn shared(mut residual: Vec<f64>, basis: &[Vec<f64>], poses: &[usize]) -> f64 {
-    project_out(&mut residual, basis);
+/// shares what the model lacks there; at least 1. The sums over poses of the parts of what is `left` beside the basis, and what they would be.
+fn shared(left: &[f64], basis: &[Vec<f64>], poses: &[usize]) -> f64 {
     let mut by_pose: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     poses.iter().enumerate().for_each(|(row, pose)| by_pose.entry(*pose).or_default().push(row));
-    let freedom = residual.len().saturating_sub(basis.len()).max(1) as f64;
-    let variance = dot(&residual, &residual) / freedom;
+    let freedom = left.len().saturating_sub(basis.len()).max(1) as f64;
+    let variance = dot(left, left) / freedom;
     let (mut found, mut expected) = (0.0, 0.0);
     for rows in by_pose.values() {
         let along = |a: &[f64], b: &[f64]| rows.iter().map(|row| a[*row] * b[*row]).sum::<f64>();
         for d in basis {
-            found += along(d, &residual).powi(2);
+            found += along(d, left).powi(2);
             expected += variance * (along(d, d) - basis.iter().map(|b| along(d, b).powi(2)).sum::<f64>());
         }
     }
@@ -218,7 +217,7 @@ impl Linearized {
 mod tests {
     use rand::{RngExt, SeedableRng};
 
-    use super::{extend, shared};
+    use super::{extend, project_out, shared};
 
     #[test]
     fn what_all_rows_of_a_pose_share_counts_once() {
@@ -231,9 +230,13 @@ mod tests {
         let directions: Vec<Vec<f64>> =
             (0..5).map(|_| numbers(poses)).map(|d| of_pose.iter().map(|p| d[*p]).collect()).collect();
         extend(&mut basis, &directions);
-        let apart = shared(numbers(poses * rows), &basis, &of_pose);
-        let together = numbers(poses);
-        let together = shared(of_pose.iter().map(|p| together[*p]).collect(), &basis, &of_pose);
+        let of = |mut residual: Vec<f64>| {
+            project_out(&mut residual, &basis);
+            shared(&residual, &basis, &of_pose)
+        };
+        let apart = of(numbers(poses * rows));
+        let of_poses = numbers(poses);
+        let together = of(of_pose.iter().map(|p| of_poses[*p]).collect());
         assert!(apart < 1.3 && (4.5..7.5).contains(&together), "{apart} {together}");
     }
 

@@ -87,7 +87,12 @@ impl<'a> Search<'a> {
     /// Evidence of a candidate at a state, nats; signs that physics forbids have none.
     #[must_use]
     pub fn evidence(&self, state: &RegressionState, candidate: usize) -> Option<Ranked> {
-        let gain = self.design.gain(state, candidate);
+        self.evidence_of(state, candidate, 0.0)
+    }
+
+    /// The same of one that removes `least_dss` or more from the sum of squares.
+    fn evidence_of(&self, state: &RegressionState, candidate: usize, least_dss: f64) -> Option<Ranked> {
+        let gain = self.design.gain_of(state, candidate, least_dss)?;
         if gain.rank < 1e-3 {
             return None;
         }
@@ -117,16 +122,21 @@ impl<'a> Search<'a> {
     /// All candidates at a state, best first; those with forbidden signs left out.
     #[must_use]
     pub fn rank(&self, state: &RegressionState) -> Vec<Ranked> {
-        self.best(state).collect()
+        self.best(state, f64::NEG_INFINITY).collect()
     }
 
-    /// As [`Search::rank`], one after the other: most questions end with the first.
-    fn best<'s>(&'s self, state: &'s RegressionState) -> impl Iterator<Item = Ranked> + 's {
+    /// As [`Search::rank`], one after the other, as far as their evidence is `least` or more (some with less may follow): most questions end with
+    /// the first, and most candidates are far from it.
+    fn best<'s>(&'s self, state: &'s RegressionState, least: f64) -> impl Iterator<Item = Ranked> + 's {
+        // Occam's factor only takes evidence away, and what is as good as `least` in the order may be a little below
+        let prior = self.candidates.iter().map(|c| c.log_prior).fold(f64::NEG_INFINITY, f64::max);
+        let share = 1.0 - (-2.0 * (least - 2.0 * SAME_EVIDENCE_NATS - prior) / self.freedom(state)).exp();
+        let least_dss = share.max(0.0) * state.ss;
         let mut all: Vec<Ranked> = (0..self.candidates.len())
             .into_par_iter()
             .with_min_len(256)
             .filter(|c| !self.banned[*c])
-            .filter_map(|c| self.evidence(state, c))
+            .filter_map(|c| self.evidence_of(state, c, least_dss))
             .collect();
         let order = |a: &Ranked, b: &Ranked| {
             whole(b.evidence).total_cmp(&whole(a.evidence)).then(a.candidate.cmp(&b.candidate))
@@ -259,7 +269,7 @@ impl<'a> Search<'a> {
     /// The best new candidates that earn their place beside `chosen`, at most [`AHEAD`], of each place one.
     fn best_of_each_place(&self, state: &RegressionState, chosen: &[usize]) -> Vec<usize> {
         let mut best: Vec<usize> = Vec::new();
-        for r in self.best(state).take_while(|r| r.evidence >= EVIDENCE_NATS).take(FIRST) {
+        for r in self.best(state, EVIDENCE_NATS).take_while(|r| r.evidence >= EVIDENCE_NATS).take(FIRST) {
             if !chosen.contains(&r.candidate) && !best.iter().any(|b| self.same_place(*b, r.candidate)) {
                 best.push(r.candidate);
             }
@@ -274,7 +284,7 @@ impl<'a> Search<'a> {
     fn try_pairs(&self, start: &RegressionState, chosen: &mut Vec<usize>) {
         let first: Vec<usize> = {
             let mut seen: Vec<usize> = Vec::new();
-            for r in self.best(start) {
+            for r in self.best(start, f64::NEG_INFINITY) {
                 if !seen.iter().any(|s| self.same_place(*s, r.candidate)) {
                     seen.push(r.candidate);
                 }
@@ -289,7 +299,8 @@ impl<'a> Search<'a> {
         for a in &first {
             let Some(one) = self.evidence(start, *a) else { continue };
             let state = self.with(start, &[*a]);
-            if let Some(two) = self.best(&state).find(|r| r.candidate != *a)
+            let least = EVIDENCE_NATS.max(best.0 - one.evidence);
+            if let Some(two) = self.best(&state, least).find(|r| r.candidate != *a)
                 && one.evidence + two.evidence > best.0
                 && two.evidence > EVIDENCE_NATS
             {
@@ -378,7 +389,7 @@ impl<'a> Search<'a> {
         let mut used = vec![false; self.candidates.len()];
         set.iter().for_each(|c| used[*c] = true);
         let mut take = |state: &RegressionState, least: f64| {
-            for r in self.rank(state).iter().take_while(|r| r.evidence > least) {
+            for r in self.best(state, least).take_while(|r| r.evidence > least) {
                 used[r.candidate] = true;
             }
         };
@@ -398,8 +409,9 @@ impl<'a> Search<'a> {
         let now = self.evidence(&without.state, own)?.evidence;
         let size = |k: usize| self.candidates[k].terms.len();
         let wanted = if size(own) > 1 { LEANER_TRIED } else { 0 };
+        let least = if wanted > 0 { f64::NEG_INFINITY } else { now };
         let (mut best, mut lean) = (None, Vec::new());
-        for r in self.best(&without.state) {
+        for r in self.best(&without.state, least) {
             let new = !set.contains(&r.candidate);
             if best.is_none() && (new || r.candidate == own) {
                 best = Some(r);
@@ -438,7 +450,9 @@ impl<'a> Search<'a> {
             let (mut new, mut evidence) = (vec![first.candidate], first.evidence);
             loop {
                 let fits = |c: usize| !set.contains(&c) && !new.contains(&c) && (new.len() < 2 || hidden(c));
-                let next = self.best(&state).find(|r| fits(r.candidate));
+                // the last is of use only if it makes a wish
+                let last = if new.len() + 1 == most { now - evidence } else { EVIDENCE_NATS };
+                let next = self.best(&state, last.max(EVIDENCE_NATS)).find(|r| fits(r.candidate));
                 let Some(next) = next.filter(|r| r.evidence > EVIDENCE_NATS) else { break };
                 new.push(next.candidate);
                 evidence += next.evidence;
@@ -466,9 +480,10 @@ impl<'a> Search<'a> {
                 let rest: Vec<usize> = chosen.iter().copied().filter(|c| !some.contains(c)).collect();
                 let state = self.with(start, &rest);
                 let now = self.total(&state, &some);
-                let one = self.best(&state).find(|r| !chosen.contains(&r.candidate));
+                let least = now + best.as_ref().map_or(0.0, |b| b.0) + SAME_EVIDENCE_NATS;
+                let one = self.best(&state, least).find(|r| !chosen.contains(&r.candidate));
                 if let Some(one) = one
-                    && one.evidence > now + best.as_ref().map_or(0.0, |b| b.0) + SAME_EVIDENCE_NATS
+                    && one.evidence > least
                 {
                     let mut proposal = rest;
                     proposal.push(one.candidate);
@@ -519,7 +534,7 @@ impl<'a> Search<'a> {
                 }
                 let state = self.without(&downdate, start, &here).state;
                 let now = self.total(&state, &here);
-                let one = self.best(&state).find(|r| self.candidates[r.candidate].site == *site);
+                let one = self.best(&state, now).find(|r| self.candidates[r.candidate].site == *site);
                 if let Some(one) = one
                     && one.evidence > now + SAME_EVIDENCE_NATS
                 {

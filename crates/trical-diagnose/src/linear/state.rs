@@ -52,7 +52,7 @@ pub(crate) struct Added {
 }
 
 /// What one candidate would do.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Gain {
     /// Sum of squares that it would remove, prior costs included.
     pub dss: f64,
@@ -64,9 +64,9 @@ pub struct Gain {
 }
 
 impl Gain {
-    fn of_one(square: f64, precision: f64, b: f64) -> Self {
-        let share = precision / square;
-        Self { dss: b * b / square, rank: 1.0 - share, occam: -0.5 * share.ln() }
+    /// Of one coefficient, of whose prior's variance the data leave this share.
+    fn of_one(dss: f64, share: f64) -> Self {
+        Self { dss, rank: 1.0 - share, occam: -0.5 * share.ln() }
     }
 }
 
@@ -293,23 +293,30 @@ impl Design {
     /// What a candidate would remove from the sum of squares.
     #[must_use]
     pub fn gain(&self, state: &RegressionState, candidate: usize) -> Gain {
+        self.gain_of(state, candidate, 0.0).unwrap_or_default()
+    }
+
+    /// The same, `None` where that is less than `least_dss`.
+    pub(crate) fn gain_of(&self, state: &RegressionState, candidate: usize, least_dss: f64) -> Option<Gain> {
         let (from, to) = self.spans[candidate];
         if to == from + 1 {
-            return if self.is_left(state, from) {
-                Gain::of_one(state.left[from] + self.precision[from], self.precision[from], state.b[from])
-            } else {
-                Gain { dss: 0.0, rank: 0.0, occam: 0.0 }
-            };
+            let square = state.left[from] + self.precision[from];
+            let dss = state.b[from] * state.b[from] / square;
+            let of_use = self.is_left(state, from) && dss >= least_dss;
+            return of_use.then(|| Gain::of_one(dss, self.precision[from] / square));
         }
         let (kept, l, y) = self.solved(state, candidate);
         let k = kept.len();
         let mut gain = Gain { dss: y.iter().map(|v| v * v).sum(), rank: 0.0, occam: 0.0 };
+        if gain.dss < least_dss {
+            return None;
+        }
         for (i, a) in kept.iter().enumerate() {
             let share = self.precision[*a] / l[i * k + i].powi(2);
             gain.rank += 1.0 - share;
             gain.occam -= 0.5 * share.ln();
         }
-        gain
+        Some(gain)
     }
 
     /// What a candidate would remove without any prior, and how many of its columns are independent.
@@ -449,12 +456,13 @@ impl pulp::NullaryFnOnce for Explain<'_> {
 pub(crate) fn cholesky(g: &[f64], k: usize) -> Vec<f64> {
     let mut l = vec![0.0; k * k];
     for j in 0..k {
-        let row = l[j * k..j * k + j].to_vec();
-        let d = g[j * k + j] - dot(&row, &row);
+        let (above, below) = l.split_at_mut((j + 1) * k);
+        let row = &mut above[j * k..];
+        let d = g[j * k + j] - dot(&row[..j], &row[..j]);
         // the prior's precision keeps it positive, but for rounding
-        l[j * k + j] = d.max(1e-12 * g[j * k + j]).sqrt();
-        for i in j + 1..k {
-            l[i * k + j] = (g[i * k + j] - dot(&l[i * k..i * k + j], &row)) / l[j * k + j];
+        row[j] = d.max(1e-12 * g[j * k + j]).sqrt();
+        for (i, other) in (j + 1..k).zip(below.chunks_exact_mut(k)) {
+            other[j] = (g[i * k + j] - dot(&other[..j], &row[..j])) / row[j];
         }
     }
     l

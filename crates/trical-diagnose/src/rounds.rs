@@ -1,6 +1,7 @@
 //! The diagnosis in progress: rounds of selection and exact refit, with what was kept, tried and chosen so far.
 
 mod elsewhere;
+mod impossible;
 mod pays;
 mod readings;
 mod rows;
@@ -63,6 +64,8 @@ pub(crate) struct Rounds {
     pub(crate) fitted: Identified,
     /// What was known of its terms beforehand.
     pub(crate) known: Vec<Known>,
+    /// How far the plain model is off, standard deviation of a measured length, m.
+    plain: f64,
     /// How many of its terms are the baseline's.
     baseline_terms: usize,
     /// How exactly, and how robustly, it is fitted.
@@ -171,6 +174,7 @@ impl Rounds {
             gross,
             whole,
             readings,
+            plain: sigma,
             baseline_terms: fitted.model.terms.len(),
             known,
             params,
@@ -279,23 +283,6 @@ impl Rounds {
         }
         self.idle.clear();
         self.take_likeliest(rounds)
-    }
-
-    /// What the exact fit has at sizes that are no physics, although the linear picture had not: it is asked about no more.
-    fn let_go_of_impossible(&mut self) -> Result<()> {
-        let fitted = &self.fitted.model.terms[self.baseline_terms..];
-        let value = |t: &Term| fitted.iter().find(|m| m.does_as(t)).map_or(0.0, |m| m.value);
-        let is_physics = |c: &usize| {
-            let own = &self.candidates[*c];
-            own.physical.allows(&own.terms.iter().map(value).collect::<Vec<_>>())
-        };
-        let (stay, go): (Vec<usize>, Vec<usize>) = self.chosen.iter().partition(|c| is_physics(c));
-        if go.is_empty() {
-            return Ok(());
-        }
-        self.chosen = stay;
-        self.let_go.extend(go);
-        self.refit()
     }
 
     /// Goes back to the likeliest of some rounds, of those that kept the same rows as the last one.

@@ -275,6 +275,10 @@ pub const HALF_ROWS: f64 = 3.0;
 /// effect of lambda 6 gains 18 nats, known to 6.
 pub const PAYS_ERRORS: f64 = 1.0;
 
+/// What happens in the course of the sessions may move measurements so many times as much as the plain model errs, as variances. Beyond that the
+/// arm's own parameters say most of it as well: textbooks call variance inflation factors of 5 to 10 collinear (Marquardt 1970).
+pub const MOST_INFLATION: f64 = 5.0;
+
 /// A loss by so many standard errors in one proof (blocks, the last quarter, places) is more than chance, whatever the others gain.
 pub const HARMS_ERRORS: f64 = 2.0;
 

@@ -64,7 +64,8 @@ impl Uncertainty {
         let noise = (square / scalars.saturating_sub(p).max(1) as f64).sqrt();
         let known = p <= CORRELATED && noise > 0.0 && correlation.iter().all(|c| c.is_finite());
         let names = fitted.free.iter().map(|k| fitted.model.terms[*k].name.clone()).collect();
-        let (rotation_noise, course) = (rotation_noise(fitted), of_course(fitted).unwrap_or(0.0));
+        let course = moved(fitted, &|t| t.scope() == Scope::Course).unwrap_or(0.0);
+        let rotation_noise = rotation_noise(fitted);
         known.then_some(Self { names, correlation, noise, rotation_noise, course, effects: 0.0 })
     }
 
@@ -83,10 +84,13 @@ fn rotation_noise(fitted: &Identified) -> Option<f64> {
     Some((square / (3 * angles.len()) as f64).sqrt()).filter(|sd| *sd > 0.0)
 }
 
-/// How far what happened in the course of the sessions moved a coordinate, m ([`Uncertainty::course`]).
-fn of_course(fitted: &Identified) -> Result<f64> {
+/// How far such terms moved a coordinate about its middle in each recording, root mean square, m.
+///
+/// # Errors
+/// None for a model that was fitted.
+pub fn moved(fitted: &Identified, such: &dyn Fn(&Term) -> bool) -> Result<f64> {
     let mut without = fitted.model.clone();
-    without.terms.iter_mut().filter(|t| t.scope() == Scope::Course).for_each(|t| t.value = 0.0);
+    without.terms.iter_mut().filter(|t| such(t)).for_each(|t| t.value = 0.0);
     let [with, without] = [fitted.model.clone(), without].map(|model| Forward::new(model, Vec::new()));
     let (with, without) = (with?, without?);
     let (mut here, mut there) = (with.workspace(), without.workspace());

@@ -1,11 +1,11 @@
-//! Ctrl-C, a request to terminate, a terminal that was closed: the first asks for an orderly end, a second one ends the
+//! Ctrl-C or Ctrl-\\, a request to terminate, a terminal that was closed: the first asks for an orderly end, a second one ends the
 //! program at once.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
 use signal_hook::iterator::Signals;
 use trical_device::controller::StopCount;
 
@@ -34,17 +34,26 @@ pub struct Interrupt {
 pub fn watch() -> Result<Interrupt> {
     let interrupt = Interrupt { asked: Arc::default(), stops: Arc::default() };
     let failed = |e: std::io::Error| CliError::Failed(format!("Ctrl-C cannot be watched: {e}"));
-    let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP]).map_err(failed)?;
+    let mut signals = Signals::new([SIGINT, SIGQUIT, SIGTERM, SIGHUP]).map_err(failed)?;
     let told = interrupt.clone();
     let listen = move || {
-        for _ in signals.forever() {
+        let mut first = None;
+        for signal in signals.forever() {
             told.asked.store(true, Ordering::Relaxed);
+            // at the end of a login session a terminal's end and a request to terminate come together: one request
+            let by_hand = [SIGINT, SIGQUIT].contains(&signal);
+            if !by_hand && *first.get_or_insert(signal) != signal {
+                continue;
+            }
             if told.stops.ask() > 0 {
                 let begin = Instant::now();
                 while told.stops.is_moving() && begin.elapsed() < STOP_FIRST {
                     std::thread::sleep(Duration::from_millis(10));
                 }
                 std::thread::sleep(SAY);
+                crate::note!(
+                    "trical: ended at once by a second request; the arm stays where it is, perhaps at a ball. What was recorded is kept"
+                );
                 std::process::exit(INTERRUPTED);
             }
         }

@@ -178,15 +178,7 @@ impl Session<'_> {
         let mut options = self.options();
         options.stride = self.stride;
         options.guard = Some(self.guard);
-        let nominal = Forward::new(Model::nominal(self.robot.clone(), self.cell.clone()), Vec::new())?;
-        let ws = RefCell::new(nominal.workspace());
-        let corrected = |at: &Joints, by: [f64; 3]| {
-            let (state, ws) = (State::at(at), &mut *ws.borrow_mut());
-            let mut tool = nominal.world_from_tool(&state, ws);
-            // the controller's tool has the axes of the flange
-            tool.translation += nominal.world_from_flange(&state, ws).rotation * Vector3::from(by);
-            continue_from(&nominal, &tool, &state, ws).map_err(|e| e.to_string())
-        };
+        let corrected = self.corrected()?;
         options.corrected = Some(&corrected);
         if !self.go {
             return self.rehearse(&mut options);
@@ -200,6 +192,19 @@ impl Session<'_> {
         let report = result.map_err(SessionError::Run)?;
         finished.map_err(SessionError::Finish)?;
         Ok(report)
+    }
+
+    /// Where a correction leads, by the nominal arm.
+    fn corrected(&self) -> Result<impl Fn(&Joints, [f64; 3]) -> Result<Joints, String>, ModelError> {
+        let nominal = Forward::new(Model::nominal(self.robot.clone(), self.cell.clone()), Vec::new())?;
+        let ws = RefCell::new(nominal.workspace());
+        Ok(move |at: &Joints, by: [f64; 3]| {
+            let (state, ws) = (State::at(at), &mut *ws.borrow_mut());
+            let mut tool = nominal.world_from_tool(&state, ws);
+            // the controller's tool has the axes of the flange
+            tool.translation += nominal.world_from_flange(&state, ws).rotation * Vector3::from(by);
+            continue_from(&nominal, &tool, &state, ws).map_err(|e| e.to_string())
+        })
     }
 
     /// How to measure, with who may stop it.

@@ -293,6 +293,20 @@ fn a_recording_that_is_removed_or_replaced_while_it_is_written_is_kept_in_anothe
 }
 
 #[test]
+fn a_recording_that_another_program_empties_or_writes_over_ends_the_run() {
+    for other in [String::new(), "x".repeat(1 << 16)] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.mcap");
+        let mut log = RecordingWriter::create(&path, &header()).unwrap();
+        log.measurement(&recorded_row()).unwrap();
+        log.measurement(&Row { seq: Some(1), ..recorded_row() }).unwrap();
+        std::fs::write(&path, other).unwrap();
+        let error = log.measurement(&Row { seq: Some(2), ..recorded_row() }).unwrap_err();
+        assert!(matches!(error, RecordError::Removed { saved: Err(_), .. }), "{error}");
+    }
+}
+
+#[test]
 fn a_recording_that_is_removed_is_told_at_its_end() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.mcap");

@@ -20,6 +20,8 @@ pub struct Visits {
     kinds: Vec<JointKind>,
     next: usize,
     places: BTreeSet<String>,
+    /// What the file holds.
+    text: Vec<u8>,
 }
 
 impl Visits {
@@ -49,7 +51,8 @@ impl Visits {
         let mut text = Vec::new();
         file.read_to_end(&mut text).map_err(io("be read"))?;
         let header = header(&kinds);
-        let mut this = Self { file, path: path.to_owned(), kinds, next: 0, places: BTreeSet::new() };
+        let mut this =
+            Self { file, path: path.to_owned(), kinds, next: 0, places: BTreeSet::new(), text: text.clone() };
         let Some(first) = text.split(|b| *b == b'\n').next().filter(|l| !l.is_empty()) else {
             this.put(&header)?;
             return Ok((this, None));
@@ -62,7 +65,7 @@ impl Visits {
         }
         let rows: Vec<&[u8]> = text.split(|b| *b == b'\n').skip(1).filter(|l| !l.trim_ascii().is_empty()).collect();
         let seq = |row: &&[u8]| String::from_utf8_lossy(row).split(',').next().and_then(|s| s.parse::<usize>().ok());
-        this.next = rows.iter().filter_map(seq).max().map_or(rows.len(), |k| k + 1);
+        this.next = rows.iter().filter_map(seq).max().map_or(rows.len(), |k| k.saturating_add(1));
         let column = 1 + this.kinds.len();
         let place =
             |row: &&[u8]| String::from_utf8_lossy(row).split(',').nth(column).map(|name| name.trim().to_owned());
@@ -70,16 +73,18 @@ impl Visits {
         let cut = text.last() != Some(&b'\n');
         if cut {
             this.file.write_all(b"\n").map_err(io("be written"))?;
+            this.text.push(b'\n');
         }
         let line = rows.len() + 1;
         Ok((this, cut.then(|| format!("{}: line {line} did not end; look whether it is whole", path.display()))))
     }
 
-    /// Adds a row and waits until it is on the disk. Joints are in SI, sockets are counted from 1; a row's number is returned.
+    /// Adds a row and waits until it is on the disk. Joints are in SI, sockets are counted from 1; a row's number is returned, and a sentence where
+    /// the file had to be written again.
     ///
     /// # Errors
     /// The operating system's: the row is then not there as a whole.
-    pub fn push(&mut self, q: &Joints, place: &str, socket: usize) -> Result<usize> {
+    pub fn push(&mut self, q: &Joints, place: &str, socket: usize) -> Result<(usize, Option<String>)> {
         let joints: Vec<String> = q
             .iter()
             .zip(&self.kinds)
@@ -89,10 +94,11 @@ impl Visits {
             })
             .collect();
         let seq = self.next;
+        let note = self.look_for_file()?;
         self.put(&format!("{seq},{},{place},{socket},0,0,0", joints.join(",")))?;
-        self.next += 1;
+        self.next = self.next.saturating_add(1);
         self.places.insert(place.to_owned());
-        Ok(seq)
+        Ok((seq, note))
     }
 
     /// Whether there are visits at a place.
@@ -101,13 +107,30 @@ impl Visits {
         self.places.contains(place)
     }
 
-    fn put(&mut self, line: &str) -> Result<()> {
-        // an editor puts another file in its place
-        if !self.path.canonicalize().is_ok_and(|path| is_at(&self.file, &path)) {
-            let next = self.next;
-            *self = Self::open_with(&self.path.clone(), self.kinds.clone())?.0;
-            self.next = self.next.max(next);
+    /// Takes the file that stands under the name now: an editor puts another one in its place. Where it was removed or emptied, what it held is
+    /// written again, as the sentence that is returned says.
+    fn look_for_file(&mut self) -> Result<Option<String>> {
+        let held = std::fs::metadata(&self.path).map_or(0, |m| m.len());
+        let same = self.path.canonicalize().is_ok_and(|path| is_at(&self.file, &path));
+        if same && held == self.text.len() as u64 {
+            return Ok(None);
         }
+        let (next, text) = (self.next, std::mem::take(&mut self.text));
+        let lost = (held == 0 && !text.is_empty()).then_some(text);
+        if let Some(text) = &lost {
+            let io = |source| RecordError::Io { path: self.path.clone(), action: "be written again", source };
+            std::fs::write(&self.path, text).map_err(io)?;
+        }
+        // its lock would be in the way of ours; a file system without locks refuses
+        let _ = self.file.unlock();
+        let (new, note) = Self::open_with(&self.path.clone(), self.kinds.clone())?;
+        *self = new;
+        self.next = self.next.max(next);
+        let again = || format!("{} was removed or emptied: what it held has been written again", self.path.display());
+        Ok(lost.map(|_| again()).or(note))
+    }
+
+    fn put(&mut self, line: &str) -> Result<()> {
         let io = |source| RecordError::Io { path: self.path.clone(), action: "be written", source };
         let before = self.file.seek(SeekFrom::End(0)).map_err(io)?;
         let written = self.file.write_all(format!("{line}\n").as_bytes()).and_then(|()| self.file.sync_data());
@@ -116,6 +139,8 @@ impl Visits {
             let _ = self.file.set_len(before);
             return Err(io(e));
         }
+        self.text.extend_from_slice(line.as_bytes());
+        self.text.push(b'\n');
         Ok(())
     }
 }

@@ -324,7 +324,10 @@ fn visits_go_on_with_their_numbers_where_the_file_ended() {
     let mut q = [0.0; trical_model::MAX_JOINTS];
     q[0] = 0.5;
     let (mut visits, said) = Visits::open(&path, &robot).unwrap();
-    assert_eq!((said, visits.push(&q, "left", 1).unwrap(), visits.push(&q, "left", 2).unwrap()), (None, 0, 1));
+    assert_eq!(
+        (said, visits.push(&q, "left", 1).unwrap(), visits.push(&q, "left", 2).unwrap()),
+        (None, (0, None), (1, None))
+    );
     drop(visits);
     // somebody took out the first row, and the last one was not written whole
     let text = std::fs::read_to_string(&path).unwrap();
@@ -333,12 +336,28 @@ fn visits_go_on_with_their_numbers_where_the_file_ended() {
     std::fs::write(&path, lines.join("\n")).unwrap();
     let (mut visits, said) = Visits::open(&path, &robot).unwrap();
     assert!(said.unwrap().contains("line 2 did not end"));
-    assert_eq!(visits.push(&q, "right", 1).unwrap(), 2);
+    assert_eq!(visits.push(&q, "right", 1).unwrap().0, 2);
     drop(visits);
     let read = open(&path, Some(6)).unwrap();
     assert_eq!(read.places, ["left", "right"]);
     assert_eq!(read.rows.iter().map(|r| r.seq).collect::<Vec<_>>(), [Some(1), Some(2)]);
     assert!((read.rows[1].state.q[0] - 0.5).abs() < 1e-12);
+    // what is removed or emptied under way is written again, and told
+    let before = std::fs::read_to_string(&path).unwrap();
+    let (mut visits, _) = Visits::open(&path, &robot).unwrap();
+    for k in 0..2 {
+        if k == 0 {
+            std::fs::remove_file(&path).unwrap()
+        } else {
+            std::fs::write(&path, "").unwrap()
+        }
+        let (seq, said) = visits.push(&q, "right", 1).unwrap();
+        assert_eq!(seq, 3 + k);
+        assert!(said.unwrap().contains("was removed or emptied"));
+        assert!(std::fs::read_to_string(&path).unwrap().starts_with(&before));
+    }
+    assert_eq!(open(&path, Some(6)).unwrap().rows.len(), 4);
+    drop(visits);
     std::fs::write(&path, "seq,q1_deg\n").unwrap();
     assert!(Visits::open(&path, &robot).unwrap_err().to_string().contains("another file, or another --out"));
 }

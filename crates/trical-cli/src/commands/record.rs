@@ -113,8 +113,8 @@ pub fn run(args: &Args) -> Result<()> {
     check_place(&args.place).map_err(|e| CliError::Input(format!("--place: {e}")))?;
     let robot = Robot::load(&args.robot)?;
     let sockets = args.cell.as_ref().map(|c| Cell::load(c)).transpose()?.map(|c| c.balls.len().max(1));
-    let mut source = source(args, &robot)?;
     let (mut visits, cut) = Visits::open(&args.out, &robot)?;
+    let mut source = source(args, &robot)?;
     if let Some(cut) = cut {
         note!("{cut}");
     }
@@ -164,7 +164,10 @@ pub fn run(args: &Args) -> Result<()> {
             note!("no row: the joints are beyond the limits of {}: {}", args.robot.display(), shown(&robot, &q));
             continue;
         }
-        let seq = visits.push(&q, &place, socket)?;
+        let (seq, again) = visits.push(&q, &place, socket)?;
+        if let Some(again) = again {
+            note!("{again}");
+        }
         taken += 1;
         note!("row {seq}: {place}, socket {socket}, {}", shown(&robot, &q));
         let near = |before: &Joints| before.iter().zip(&q).all(|(a, b)| (a - b).abs() < 0.1_f64.to_radians());

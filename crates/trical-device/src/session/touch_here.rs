@@ -73,6 +73,8 @@ impl Session<'_> {
         let mut options = self.options();
         options.go = true;
         options.begin_t = self.goes_on_at(log, watch);
+        let corrected = self.corrected()?;
+        options.corrected = Some(&corrected);
         let mut found = None;
         let mut note = |p: Progress| {
             if let Progress::Measured { row, .. } = &p {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufWriter, Seek};
+use std::io::{BufWriter, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use mcap::records::{MessageHeader, Metadata};
@@ -38,7 +38,12 @@ pub struct RecordingWriter {
     last_t: f64,
     /// Whether what was written is in another file now.
     rescued: bool,
+    /// Where the last measurement ended, and the bytes before that.
+    written: (u64, [u8; PROBE]),
 }
+
+/// So many bytes before the end are read again at the next measurement: another program may have emptied the file in its place.
+const PROBE: usize = 64;
 
 struct Channels {
     joint_states: u16,
@@ -228,6 +233,7 @@ impl RecordingWriter {
             sequences: BTreeMap::new(),
             last_t: 0.0,
             rescued: false,
+            written: (0, [0; PROBE]),
         };
         if let Some((id, data)) = description {
             writer.message(id, 0.0, &data)?;
@@ -281,6 +287,10 @@ impl RecordingWriter {
     /// What is written into a file that was removed is lost when it is closed: it is written again.
     fn check_there(&mut self) -> Result<(), RecordError> {
         let path = behind_links(&self.path).unwrap_or_else(|_| self.path.clone());
+        if !self.is_as_written().unwrap_or(false) {
+            let saved = Err(std::io::Error::other("another program has emptied it or has written into it"));
+            return Err(RecordError::Removed { path, saved });
+        }
         if self.rescued || is_at(&self.file, &path) {
             return Ok(());
         }
@@ -292,6 +302,23 @@ impl RecordingWriter {
         });
         self.rescued = copied.is_ok();
         Err(RecordError::Removed { path, saved: copied.map(|()| to) })
+    }
+
+    /// Whether what stood before the end at the last measurement still stands there; then the end is where it is now.
+    fn is_as_written(&mut self) -> std::io::Result<bool> {
+        let mut file: &File = &self.file;
+        let end = file.stream_position()?;
+        let mut read = |to: u64| {
+            let mut bytes = [0; PROBE];
+            file.seek(SeekFrom::Start(to.saturating_sub(PROBE as u64)))?;
+            file.read_exact(&mut bytes).map(|()| bytes)
+        };
+        let (before, bytes) = self.written;
+        let same = before == 0 || read(before).is_ok_and(|there| there == bytes);
+        let now = read(end);
+        file.seek(SeekFrom::Start(end))?;
+        self.written = (end, now?);
+        Ok(same)
     }
 
     fn end(&mut self) -> Result<(), RecordError> {

@@ -111,6 +111,8 @@ pub struct Names {
     gone_to: HashSet<u64>,
     /// Names that statements use.
     read: HashSet<u64>,
+    /// Names of which the program calculates a frame, and where.
+    makes_frame: Vec<(u64, u32)>,
     /// Whether the file has no motion of its own.
     only_data: bool,
     /// What begins comments, in a language in which [`Self::read`] is seen from the names in the text.
@@ -243,6 +245,26 @@ impl Names {
     #[must_use]
     pub fn is_read(&self, name: u64) -> bool {
         self.read.contains(&name)
+    }
+
+    /// The program calculates a frame from the data of this name, among others, here.
+    pub fn makes_frame(&mut self, name: u64, at: usize) {
+        self.makes_frame.push((name, at as u32));
+    }
+
+    /// Lists frames that are calculated from targets to which motions go.
+    fn list_frames(&self, scan: &mut Scan) {
+        let is_target = |name: u64| {
+            let mut spots =
+                self.all(name).filter_map(|k| self.groups.get(k as usize)).flat_map(|g| g.first..g.first + g.count);
+            spots.any(|spot| self.in_use.get(spot as usize) == Some(&true))
+        };
+        let mut places: Vec<u32> =
+            self.makes_frame.iter().filter(|(name, _)| is_target(*name)).map(|(_, at)| *at).collect();
+        places.dedup();
+        let what =
+            "calculates a frame from targets to which the arm moves: they are corrected, and the frame moves with them";
+        places.into_iter().for_each(|at| scan.problem(at as usize, what));
     }
 
     fn use_targets(&mut self, targets: std::ops::Range<u32>) {
@@ -507,11 +529,16 @@ impl Names {
         let groups = |name: &u64| self.all(*name).filter_map(|k| self.groups.get(k as usize));
         let unused = self.no_targets.iter().filter(|name| groups(name).all(|g| g.used.is_none()));
         let mut gone: HashSet<u32> = unused.flat_map(groups).flat_map(|g| g.first..g.first + g.count).collect();
-        for spot in self.not_in_use(scan, bytes) {
-            if let Some(target) = scan.spots.get(spot as usize).filter(|_| gone.insert(spot)) {
-                scan.unused.push((scan.at(target), target.name));
+        let idle = self.idle(scan, bytes);
+        for (spots, is_read) in [(idle.unused, false), (idle.read, true)] {
+            for spot in spots {
+                if let Some(target) = scan.spots.get(spot as usize).filter(|_| gone.insert(spot)) {
+                    let place = (scan.at(target), target.name);
+                    if is_read { &mut scan.only_read } else { &mut scan.unused }.push(place);
+                }
             }
         }
+        self.list_frames(scan);
         scan.remove(&gone);
     }
 

@@ -13,6 +13,7 @@ use crate::dialects::Dialect;
 use crate::frames::AT;
 use crate::options::Options;
 use crate::scan::{Scan, Setup, Spot, Visit};
+use crate::text::Span;
 
 /// A target that stays as it is.
 #[derive(Clone, Debug, PartialEq)]
@@ -378,9 +379,22 @@ impl<'a> Tally<'a> {
 
     /// Targets that nothing uses, in one sentence.
     pub fn unused(&mut self) -> Option<String> {
-        let scan = self.scan;
+        let their = |n| if n == 1 { "its" } else { "their" };
+        self.stay(&self.scan.unused, |n| format!("because nothing in the files read uses {} numbers", their(n)))
+    }
+
+    /// Targets to which nothing moves while other statements use them, in one sentence.
+    pub fn only_read(&mut self) -> Option<String> {
+        self.stay(&self.scan.only_read, |n| {
+            let there = if n == 1 { "it" } else { "them" };
+            format!("because no motion in the files read goes to {there}, and other statements use {there}")
+        })
+    }
+
+    /// Targets that stay as they are, in one sentence.
+    fn stay(&mut self, all: &[(usize, Span)], why: impl Fn(usize) -> String) -> Option<String> {
         let mut places: Vec<String> = Vec::new();
-        for (at, name) in &scan.unused {
+        for (at, name) in all {
             let (file, line) = self.line(*at);
             let name = String::from_utf8_lossy(name.text(self.bytes)).into_owned();
             let place = Problem { file, line, name, what: String::new() }.place();
@@ -388,10 +402,9 @@ impl<'a> Tally<'a> {
                 places.push(place);
             }
         }
-        let (n, all) = (scan.unused.len(), listed(places.into_iter()));
-        let (targets, stay, their) =
-            if n == 1 { ("target", "stays as it is", "its") } else { ("targets", "stay as they are", "their") };
-        (n > 0).then(|| format!("{n} {targets} {stay}, because nothing in the files read uses {their} numbers: {all}"))
+        let n = all.len();
+        let (targets, stay) = if n == 1 { ("target", "stays as it is") } else { ("targets", "stay as they are") };
+        (n > 0).then(|| format!("{n} {targets} {stay}, {}: {}", why(n), listed(places.into_iter())))
     }
 
     pub fn take(&mut self, spot: &Spot, done: Result<Done, String>) {

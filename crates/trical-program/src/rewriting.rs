@@ -76,7 +76,7 @@ pub fn compensate(
     let input = |e: String| ProgramError::Input(format!("{file}: {e}"));
     check_text(bytes).map_err(input)?;
     let mut scan = dialect.scan_with(bytes, elsewhere).map_err(input)?;
-    if scan.spots.is_empty() && scan.problems.is_empty() {
+    if scan.spots.is_empty() && scan.problems.is_empty() && scan.only_read.is_empty() {
         return Err(input(format!("no targets found; expected {}", dialect.expected())));
     }
     let mut known = std::mem::take(&mut scan.frames);
@@ -93,7 +93,7 @@ pub fn compensate(
     let called_elsewhere = tally.called_elsewhere();
     let may_be_called = dialect == Dialect::Krl && options.tool.is_none() && options.frame.is_none();
     let unsaid = if may_be_called { tally.unsaid() } else { None };
-    let others = [unsaid, tally.homes(), tally.absolutely_accurate(), tally.unused()];
+    let others = [unsaid, tally.homes(), tally.absolutely_accurate(), tally.unused(), tally.only_read()];
     let sags = options.payload_kg.is_none() && model.terms.iter().any(by_gravity);
     let loads = if sags { tally.loads() } else { None };
     let mut report = tally.report();

@@ -187,6 +187,8 @@ pub struct Scan {
     pub homes: Vec<(usize, String)>,
     /// Targets that stay as they are because nothing uses their numbers: offset and name.
     pub unused: Vec<(usize, Span)>,
+    /// Data that look like targets and stay as they are, because no motion goes there and other statements use their numbers: as `unused`.
+    pub only_read: Vec<(usize, Span)>,
     /// Whether the program switches the controller's check of configurations off.
     pub configuration_off: bool,
 }

@@ -390,6 +390,7 @@ impl<'a> Reader<'a> {
     /// `Offs(p,1,2,3)`, `RelTool(Offs(p,1,2,3),4,5,6)`, `CRobT()`, from the parenthesis on: the target's name and the way there.
     pub(super) fn relative(&mut self, function: &[u8]) -> Place {
         let begin = self.c.at;
+        self.makes_frame(function, begin);
         let in_tool = function.eq_ignore_ascii_case(b"reltool");
         let offs = function.eq_ignore_ascii_case(b"offs");
         self.c.at += 1;

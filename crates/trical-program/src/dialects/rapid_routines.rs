@@ -9,7 +9,7 @@ use crate::elsewhere::{Goes, Outside};
 use crate::frames::Frames;
 use crate::names::{Origin, Way};
 use crate::scan::{Call, Fork, Setup, hashed};
-use crate::text::{begins_line, is_one_of, lower};
+use crate::text::{begins_line, is_letter, is_one_of, lower};
 
 /// Instructions of the language, and words that begin other statements: no routines of others.
 const INSTRUCTIONS: &str = "
@@ -39,6 +39,9 @@ const INSTRUCTIONS: &str = "
     ALIAS AND CONST DIV ENDMODULE ENDRECORD FALSE LOCAL MOD MODULE NOT OR PERS RECORD SYSMODULE TASK THEN TO TRUE VAR XOR NOSTEPIN NOVIEW
     VIEWONLY READONLY STEP FROM DO WITH INOUT bool byte clock dnum num string pos pose orient robtarget jointtarget tooldata wobjdata
     loaddata speeddata zonedata confdata extjoint robjoint intnum socketdev iodev errnum signaldi signaldo triggdata stoppointdata";
+
+/// Functions that calculate a frame from targets.
+const MAKE_FRAMES: [&[u8]; 3] = [b"defframe", b"defdframe", b"defaccframe"];
 
 /// Those that change a tool.
 const CALIBRATES: [&[u8]; 2] = [b"mtooltcpcalib", b"mtoolrotcalib"];
@@ -164,8 +167,19 @@ impl Reader<'_> {
         }
     }
 
+    /// Behind the name of a function at `at`: the targets from which it calculates a frame, if it does.
+    pub(super) fn makes_frame(&mut self, function: &[u8], at: usize) {
+        if is_one_of(function, &MAKE_FRAMES) {
+            let words = self.c.until(b";").split(|b| !is_letter(*b) && !b.is_ascii_digit());
+            for name in words.filter(|word| !word.is_empty()) {
+                self.names.makes_frame(self.key(name), at);
+            }
+        }
+    }
+
     /// Perhaps a call of a routine that this file does not have.
     fn call_elsewhere(&mut self, from: usize, word: &[u8], routine: u64) {
+        self.makes_frame(word, from);
         if is_one_of(word, &CALIBRATES) {
             return self.each_argument(word, &mut |reader, _| reader.calibrated());
         }

@@ -1,18 +1,27 @@
 //! Targets whose numbers nothing uses: left over, or placeholders that are set before the arm goes there.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use super::{Group, Names};
 use crate::scan::{Scan, Visit, hashed};
 use crate::text::{Cursor, is_one_of};
 
+/// Targets to which no motion goes.
+#[derive(Default)]
+pub(super) struct Idle {
+    /// Nothing in the files uses their numbers, or only before they are set anew.
+    pub unused: Vec<u32>,
+    /// Other statements use them: zones, frames, distances, conditions.
+    pub read: Vec<u32>,
+}
+
 impl Names {
-    /// Targets whose numbers nothing in the files uses, or only before they are set anew; none where nothing in the files goes to
-    /// any target.
-    pub(super) fn not_in_use(&self, scan: &Scan, bytes: &[u8]) -> Vec<u32> {
+    /// Targets to which no motion goes. Where nothing in the files goes to any target, nobody knows it of those that no statement uses.
+    pub(super) fn idle(&self, scan: &Scan, bytes: &[u8]) -> Idle {
         let goes = scan.visits.iter().any(|v| matches!(v, Visit::To(_) | Visit::Near { .. }));
-        if self.only_data || !goes && !self.in_use.contains(&true) {
-            return Vec::new();
+        let is_known = !self.only_data && (goes || self.in_use.contains(&true));
+        if !is_known && self.comment.is_none() {
+            return Idle::default();
         }
         let is_idle = |spot: &u32| self.in_use.get(*spot as usize) != Some(&true);
         let text = |spot: &u32| scan.spots.get(*spot as usize).map_or(&[][..], |s| s.name.text(bytes));
@@ -20,35 +29,62 @@ impl Names {
             let idle = (g.first..g.first + g.count).filter(is_idle).filter(|spot| !text(spot).is_empty());
             idle.map(|spot| (g.definition.name, spot)).collect()
         };
-        let mut idle: Vec<(u64, u32)> = self.groups.iter().flat_map(named).collect();
+        let idle: Vec<(u64, u32)> = self.groups.iter().flat_map(named).collect();
         let in_text: HashSet<u64> = idle.iter().map(|(_, spot)| hashed(text(spot))).collect();
         let read = match self.comment {
-            Some(comment) if !idle.is_empty() => names_read(bytes, comment, &in_text),
-            _ => HashSet::new(),
+            Some(comment) if !idle.is_empty() => names_read(bytes, comment, &in_text, &lines_listed(scan, bytes)),
+            _ => HashMap::new(),
         };
-        let is_read = |name: &u64, spot: &u32| self.read.contains(name) || read.contains(&hashed(text(spot)));
-        idle.retain(|(name, spot)| self.gone_to.contains(name) || !is_read(name, spot));
-        idle.into_iter().map(|(_, spot)| spot).collect()
+        let mut found = Idle::default();
+        for (name, spot) in idle {
+            let read = read.get(&hashed(text(&spot))).filter(|_| !self.gone_to.contains(&name));
+            match read {
+                Some(Read::PassedOn) => {}
+                Some(Read::Only) => found.read.push(spot),
+                None if self.read.contains(&name) && !self.gone_to.contains(&name) => {}
+                None => found.unused.extend(is_known.then_some(spot)),
+            }
+        }
+        found
     }
+}
+
+/// How the text uses a name.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Read {
+    /// In what moves nothing.
+    Only,
+    /// Other data are set from it, or a place that is listed is calculated from it: the arm may go there by another name.
+    PassedOn,
+}
+
+/// Where the lines begin of which something is listed.
+fn lines_listed(scan: &Scan, bytes: &[u8]) -> HashSet<usize> {
+    scan.problems.iter().map(|(at, _)| line_of(bytes, *at)).collect()
+}
+
+/// Where the line of an offset begins.
+fn line_of(bytes: &[u8], at: usize) -> usize {
+    bytes.get(..at).and_then(|above| above.iter().rposition(|b| *b == b'\n')).map_or(0, |k| k + 1)
 }
 
 /// Kinds of targets, before a name that is declared.
 const KINDS: [&[u8]; 7] = [b"robtarget", b"jointtarget", b"e6pos", b"pos", b"frame", b"e6axis", b"axis"];
 
 /// Which of these names (hashed without regard to case) stand in a text otherwise than where they are declared, or something is assigned to
-/// them.
-fn names_read(bytes: &[u8], comment: u8, names: &HashSet<u64>) -> HashSet<u64> {
+/// them; in the lines that are `listed` they are passed on.
+fn names_read(bytes: &[u8], comment: u8, names: &HashSet<u64>, listed: &HashSet<usize>) -> HashMap<u64, Read> {
     let mut c = Cursor::new(bytes, comment);
-    let mut read = HashSet::new();
+    let mut read = HashMap::new();
     let mut before: &[u8] = b"";
-    while let Some((_, word)) = c.next_word() {
+    while let Some((from, word)) = c.next_word() {
         let name = hashed(word);
-        let is_declared = is_one_of(std::mem::replace(&mut before, word), &KINDS);
-        if is_declared || !names.contains(&name) {
+        let word_before = std::mem::replace(&mut before, word);
+        if is_one_of(word_before, &KINDS) || !names.contains(&name) {
             continue;
         }
         let mut behind = c;
-        behind.skip_space();
+        behind.skip_blank();
         let close = match behind.peek() {
             b'{' => b'}',
             b'[' => b']',
@@ -56,11 +92,21 @@ fn names_read(bytes: &[u8], comment: u8, names: &HashSet<u64>) -> HashSet<u64> {
         };
         if close != 0 {
             behind.skip_past(close, b"\n");
-            behind.skip_space();
+            behind.skip_blank();
         }
+        let is_last = matches!(behind.peek(), b';' | b'\n' | b'\r' | 0) || behind.peek() == comment;
+        let is_copied = || {
+            is_one_of(word_before, &[b"return"])
+                || bytes.get(..from).is_some_and(|b| b.trim_ascii_end().ends_with(b"="))
+        };
+        if is_last && is_copied() || !listed.is_empty() && listed.contains(&line_of(bytes, from)) {
+            read.insert(name, Read::PassedOn);
+            continue;
+        }
+        behind.skip_space();
         behind.at += usize::from(behind.peek() == b':');
         if !behind.assigns() {
-            read.insert(name);
+            read.entry(name).or_insert(Read::Only);
         }
     }
     read

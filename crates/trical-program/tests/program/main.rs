@@ -498,8 +498,31 @@ fn targets_that_no_motion_names_need_a_tool_where_there_are_several() {
     let several = format!("{tools}MoveL b,v1,fine,tool0;\n");
     // c is used by nothing
     assert!(problems(&several).is_empty());
-    let found = problems(&format!("{several}x:=Height(c);\n"));
+    let found = problems(&format!("{several}pNext:=c;\n"));
     assert!(found.len() == 1 && found[0].contains("line 4 (c)") && found[0].contains("--tool"), "{found:?}");
+}
+
+#[test]
+fn data_that_other_statements_read_and_no_motion_goes_to_stay_as_they_are() {
+    let text = "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget a:=TARGET;\nCONST robtarget b:=TARGET;\n\
+        CONST jointtarget jAway:=[[5,9E9,9E9,9E9,9E9,9E9],[9E9,9E9,9E9,9E9,9E9,9E9]];\nCONST jointtarget jNear:=[[2,2,2,2,2,2],[9E9,9E9,9E9,9E9,9E9,9E9]];\n\
+        PROC main()\nWZLimJointDef\\Outside,sp,jAway,jAway;\nWZHomeJointDef\\Inside,sp,jNear,jNear;\nIF Distance(a.trans,b.trans)>5 Stop;\n";
+    let text = text.replace("TARGET", "[[350,50,320],[0,0.6,0.8,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]");
+    let n = nominal(IRB);
+    let asked = |end: &str| run(format!("{text}{end}").as_bytes(), Dialect::Rapid, &n, &real(&n), &Frames::default());
+    // as well where the file has no motion at all
+    for (end, rewritten, left) in
+        [("MoveL a,v1,fine,t;\n", 1, "3 targets stay as they are"), ("ENDPROC\n", 0, "4 targets stay as they are")]
+    {
+        let (out, report) = asked(end);
+        assert!(report.problems.is_empty() && report.rewritten == rewritten, "{report:?}");
+        let note = report.cautions.iter().find(|c| c.contains(left)).unwrap();
+        assert!(note.contains("no motion in the files read goes to them") && note.contains("line 5 (jNear)"), "{note}");
+        assert!(String::from_utf8_lossy(&out).contains(text.lines().nth(4).unwrap()));
+    }
+    let (_, report) = asked("w.oframe:=DefFrame(a,b,b);\nd:=DefDFrame(b,b,b,b,b,b);\nMoveL a,v1,fine,t;\n");
+    let found: Vec<String> = report.problems.iter().map(ToString::to_string).collect();
+    assert!(found.len() == 1 && found[0].contains("line 10: calculates a frame from targets"), "{found:?}");
 }
 
 #[test]

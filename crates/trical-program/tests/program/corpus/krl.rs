@@ -136,7 +136,7 @@ pub(super) const KRL: &[Case] = &[
     case(
         "distances and limits are no targets",
         "DECL POS UP={X 0,Y 0,Z 50,A 0,B 0,C 0}\nDECL POS FAR={X 0,Y 0,Z 90,A 0,B 0,C 0}\nDECL AXIS MOST={A1 20,A2 -60,A3 100,A4 30,A5 60,A6 20}\nDECL E6POS XP1={@0}\nDECL POS OFF[2]\nOFF[1]={X 0,Y 0,Z 5,A 0,B 0,C 0}\nLIN XP1:UP\nXP1.Z=XP1.Z+FAR.Z\nIF $AXIS_ACT.A1 > MOST.A1 THEN\nLIN XP1:OFF[1]:UP\nENDIF\nDECL GLOBAL AXIS PARK={A1 20,A2 -60,A3 100,A4 30,A5 60,A6 20}\nX=PARK.A1\n",
-        &[4, 12],
+        &[4],
         &[],
     ),
     case(

@@ -317,6 +317,39 @@ fn is_macro(word: &[u8]) -> bool {
     !word.is_empty() && !known(word)
 }
 
+/// A statement with blanks in the place of what is only said: comments in brackets (`R[15:Trolley INC]`), the first motion group
+/// (`PR[GP1:1,3]`), and the names of programs that it calls.
+fn without_names(mut upper: Vec<u8>) -> Vec<u8> {
+    let mut comment = None;
+    let mut depth = 0_usize;
+    for k in 0..upper.len() {
+        match upper[k] {
+            b'[' if comment.is_none() => {
+                depth += 1;
+                if upper[k + 1..].starts_with(b"GP1:") {
+                    upper[k + 1..k + 5].fill(b' ');
+                }
+            }
+            b']' => {
+                depth = depth.saturating_sub(1);
+                comment = comment.filter(|of| *of <= depth);
+            }
+            b':' if depth > 0 => comment = comment.or(Some(depth)),
+            _ => {}
+        }
+        if comment.is_some() && !upper[k].is_ascii_whitespace() {
+            upper[k] = b' ';
+        }
+    }
+    let mut at = 0;
+    while let Some(call) = upper[at..].windows(5).position(|w| w == b"CALL ") {
+        at += call + 5;
+        let name = upper[at..].iter().take_while(|b| b.is_ascii_alphanumeric() || **b == b'_').count();
+        upper[at..at + name].fill(b' ');
+    }
+    upper
+}
+
 /// The places that a line names, `P[3]` and `PR[3]`: offset, whether it is a register, and its digits.
 fn places(upper: &[u8]) -> Vec<(usize, bool, &[u8])> {
     let mut found = Vec::new();
@@ -327,6 +360,7 @@ fn places(upper: &[u8]) -> Vec<(usize, bool, &[u8])> {
         let name = upper[..open].iter().rev().take_while(|b| b.is_ascii_alphanumeric() || **b == b'_').count();
         let name = &upper[open - name..open];
         if name == b"P" || name == b"PR" {
+            at += upper[at..].iter().take_while(|b| **b == b' ').count();
             let digits = upper[at..].iter().take_while(|b| b.is_ascii_digit()).count();
             found.push((open - name.len(), name == b"PR", &upper[at..at + digits]));
         }
@@ -386,7 +420,7 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
             continue;
         }
         let offset = begin + (text.as_ptr() as usize - line.as_ptr() as usize);
-        let upper = bytes[offset..whole].to_ascii_uppercase();
+        let upper = without_names(bytes[offset..whole].to_ascii_uppercase());
         fork(&upper).into_iter().for_each(|fork| names.fork(fork));
         let all = places(&upper);
         for (_, _, digits) in all.iter().filter(|(_, is_register, _)| !is_register) {
@@ -475,7 +509,7 @@ fn unread(upper: &[u8]) -> Option<&[u8]> {
 /// A motion to these places; it stands at `offset`.
 fn motion(upper: &[u8], all: &[(usize, bool, &[u8])], offset: usize, scan: &mut Scan, names: &mut Names) {
     let increment = has(upper, b"INC");
-    let relative = increment || upper.windows(6).any(|w| w == b"OFFSET");
+    let relative = increment || [&b"OFFSET"[..], b"TOOL_OFFSET", b"VOFFSET"].iter().any(|word| has(upper, word));
     if relative && !increment {
         scan.relative.push(offset as u32);
     }
@@ -492,7 +526,12 @@ fn motion(upper: &[u8], all: &[(usize, bool, &[u8])], offset: usize, scan: &mut 
     }
     for (place, is_register, digits) in all {
         if *is_register && upper[..*place].contains(&b',') {
-            // Offset,PR[1]: how far from the target
+            // `Offset,PR[1]`: how far from the target; `Skip,LBL[1],PR[5]=LPOS`: where the arm is
+            let of = &upper[*place..];
+            let is_here = assigned(of).is_some_and(|k| has(&of[k..], b"LPOS") || has(&of[k..], b"JPOS"));
+            if is_here {
+                names.set_from(register(digits), Origin::Here);
+            }
             continue;
         }
         if increment || other.is_some() {

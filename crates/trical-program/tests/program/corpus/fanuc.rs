@@ -76,6 +76,12 @@ pub(super) const FANUC: &[Case] = &[
         &[(6, "'Q W E, 0, 0, 0'")],
     ),
     case(
+        "words in comments and names of programs; registers of the first group, and what a skip keeps in one",
+        "/PROG A\n/MN\n   1:L P[1:rtcp inc] R[15:speed INC]mm/sec FINE DB 50mm,DO[12:INC]=ON ;\n   2:L P[2:coord offset] 20mm/sec FINE TB .1sec,CALL INC ;\n   3:L P[3] 20mm/sec FINE Skip,LBL[1],PR[5]=LPOS ;\n   4:L PR[5] 20mm/sec FINE ;\n   5:PR[GP1:1]=P[3] ;\n   6:L PR[GP1:1] 20mm/sec FINE ;\n   7:PR[GP1:1,3:up]=500 ;\n   8:L PR[1:[x] 20mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@1\n};\nP[3]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@2\n};\n/END\n",
+        &[15, 20, 25],
+        &[(9, "calculated")],
+    ),
+    case(
         "registers",
         "/PROG A\n/MN\n   1:L PR[5] 200mm/sec FINE ;\n   2:PR[6]=P[1] ;\n   3:PR[6,3]=PR[6,3]+50 ;\n   4:L PR[6] 200mm/sec FINE ;\n   5:PR[7]=LPOS ;\n   6:L PR[7] 200mm/sec FINE ;\n   7:PR[8]=R[3] ;\n   8:L PR[8] 200mm/sec FINE ;\n   9:L P[1] 200mm/sec FINE Offset,PR[5] ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
         &[16],

@@ -363,15 +363,16 @@ impl<'a> Tally<'a> {
         ))
     }
 
-    /// Targets of routines of which nothing says with which tool and base they are called, in one sentence.
+    /// Targets of which nothing says with which tool and frame they are meant, in one sentence.
     pub fn unsaid(&mut self) -> Option<String> {
         let scan = self.scan;
         let says = |s: &Spot| s.setup.and_then(|k| scan.setups.get(k as usize)).is_some_and(|s| *s != Setup::default());
         let all: Vec<&Spot> = scan.spots.iter().filter(|s| !s.shape.is_joints() && !says(s)).collect();
-        let line = self.line(scan.at(all.first().filter(|_| !scan.routines.is_empty())?)).1;
+        let (file, line) = self.line(scan.at(all.first()?));
+        let first = Problem { file, line, name: String::new(), what: String::new() }.place();
         Some(format!(
-            "nothing in the files read sets a tool or a base for {} of {} targets (the first in line {line}), and what calls the program may do so: the \
-             cell's tool in the robot's base is taken (--tool and --frame say others)",
+            "nothing in the files read sets a tool or a base for {} of {} targets (the first in {first}): the cell's tool in the robot's base is taken \
+             (--tool and --frame say others)",
             all.len(),
             scan.spots.len()
         ))

@@ -91,8 +91,9 @@ pub fn compensate(
     let mut tally = writer.finish(&all, &shifted)?;
     scan.relative.iter().take(MOST_RELATIVE).for_each(|at| tally.relative(*at, None));
     let called_elsewhere = tally.called_elsewhere();
-    let may_be_called = dialect == Dialect::Krl && options.tool.is_none() && options.frame.is_none();
-    let unsaid = if may_be_called { tally.unsaid() } else { None };
+    // a table says so in its columns, or means the cell's
+    let is_unsaid = dialect != Dialect::Csv && options.tool.is_none() && options.frame.is_none();
+    let unsaid = if is_unsaid { tally.unsaid() } else { None };
     let others = [unsaid, tally.homes(), tally.absolutely_accurate(), tally.unused(), tally.only_read()];
     let sags = options.payload_kg.is_none() && model.terms.iter().any(by_gravity);
     let loads = if sags { tally.loads() } else { None };

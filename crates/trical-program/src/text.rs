@@ -149,13 +149,28 @@ impl<'a> Cursor<'a> {
         self.skip_to(b"\n\r");
     }
 
-    /// Past a string that begins here, to its closing quote or the line's end.
+    /// Whether a string begins here; in the language of scripts also one in single quotes, where it ends on its line.
+    #[must_use]
+    pub fn begins_string(&self) -> bool {
+        let mut behind = *self;
+        behind.at += 1;
+        let closes = || self.bytes.get(behind.at + behind.until(b"'\n\r").len()) == Some(&b'\'');
+        self.peek() == b'"' || self.is_script() && self.peek() == b'\'' && closes()
+    }
+
+    fn is_script(&self) -> bool {
+        self.comment == b'#'
+    }
+
+    /// Past a string that begins here, to its closing quote or the line's end; a script's `\"` closes none.
     pub fn skip_string(&mut self) {
         let quote = self.peek();
         self.at += usize::from(!self.done());
         while !self.done() && !matches!(self.peek(), b'\n' | b'\r') {
             let end = self.peek() == quote;
-            self.at += 1;
+            self.at += 1 + usize::from(
+                self.is_script() && self.peek() == b'\\' && self.bytes.get(self.at + 1) == Some(&quote),
+            );
             if end {
                 return;
             }
@@ -183,6 +198,12 @@ impl<'a> Cursor<'a> {
         let text = self.bytes.get(self.at..).unwrap_or(&[]);
         let text = &text[..text.len().min(FARTHEST)];
         &text[..text.iter().position(|b| ends.contains(b)).unwrap_or(text.len())]
+    }
+
+    /// Whether the word at `at` is a part of what stands before it (`x.end`).
+    #[must_use]
+    pub fn is_member(&self, at: usize) -> bool {
+        at.checked_sub(1).and_then(|k| self.bytes.get(k)) == Some(&b'.')
     }
 
     /// Past blanks within the line.
@@ -226,7 +247,7 @@ impl<'a> Cursor<'a> {
             if !word.is_empty() {
                 return Some((from, word));
             }
-            if self.peek() == b'"' { self.skip_string() } else { self.at += 1 }
+            if self.begins_string() { self.skip_string() } else { self.at += 1 }
         }
         None
     }

@@ -116,6 +116,8 @@ pub fn scan(bytes: &[u8]) -> Scan {
             bare: HashSet::new(),
             places: HashSet::new(),
             near: HashMap::new(),
+            open: Vec::new(),
+            is_unbalanced: false,
             functions: HashSet::new(),
             given: Vec::new(),
             computing: Vec::new(),
@@ -174,6 +176,10 @@ struct Reader<'a> {
     places: HashSet<u64>,
     /// Joints to which those are near that a name stands for: indices into `Scan::nearest`.
     near: HashMap<u64, u32>,
+    /// Where the blocks begin that are open.
+    open: Vec<usize>,
+    /// Whether there was an `end` that closes none.
+    is_unbalanced: bool,
     /// Functions of the script.
     functions: HashSet<u64>,
     /// Functions that are given places, and where.
@@ -217,12 +223,20 @@ impl<'a> Reader<'a> {
                 self.assignment(from, word);
             }
         }
+        if let Some(from) = self.open.pop() {
+            self.scan.problem(from, "begins a block that no 'end' closes: which tool is set behind it is not known");
+        }
     }
 
     /// Words that begin or end routines, branches and loops, and calls.
     fn block(&mut self, from: usize, word: &[u8]) -> bool {
         let Self { flow, now, c, names, functions, .. } = self;
-        match word {
+        // not of `x.end`
+        let keyword = if c.is_member(from) { b"" } else { word };
+        if matches!(keyword, b"def" | b"thread" | b"sec" | b"while" | b"if") {
+            self.open.push(from);
+        }
+        match keyword {
             b"def" | b"thread" | b"sec" => {
                 c.skip_blank();
                 let name = hashed(c.word());
@@ -248,7 +262,13 @@ impl<'a> Reader<'a> {
                 flow.branch(now, word == b"else");
                 names.fork(Fork::Other);
             }
-            b"end" => names.end(flow.end(now)),
+            b"end" => {
+                names.end(flow.end(now));
+                if self.open.pop().is_none() && !self.is_unbalanced {
+                    self.is_unbalanced = true;
+                    self.scan.problem(from, "closes no block: which tool is set from here on is not known");
+                }
+            }
             _ => {
                 let name = hashed(word);
                 if let Some(is_statement) = flow.perhaps_called_as(name, word, c, now) {
@@ -544,7 +564,7 @@ impl<'a> Reader<'a> {
                 _ if !word.is_empty() => continue,
                 b'(' => depth += 1,
                 b')' => depth -= 1,
-                b'"' => {
+                _ if end.begins_string() => {
                     end.skip_string();
                     continue;
                 }

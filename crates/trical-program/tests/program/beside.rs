@@ -324,7 +324,7 @@ fn a_krl_routine_has_the_tool_and_base_that_its_callers_beside_set() {
     assert_eq!(by_number.setups, [("tool '2' in '1'".to_owned(), 1)], "{by_number:?}");
     assert!(
         names(&by_number.read_with).contains(&"main.src".into())
-            && !by_number.cautions.iter().any(|c| c.contains("may do so")),
+            && !by_number.cautions.iter().any(|c| c.contains("sets a tool or a base")),
         "{by_number:?}"
     );
     let by_frame = with("called_with_a_frame", &[("main.src", &main("$TOOL={X 0,Y 0,Z 80,A 0,B 0,C 0}"))]);
@@ -344,7 +344,7 @@ fn a_krl_routine_has_the_tool_and_base_that_its_callers_beside_set() {
     let report = with("called_differently", &[("main.src", &first), ("other.src", &twice)]);
     assert!(report.problems[0].what.contains("not the same wherever the routine is called"), "{report:?}");
     let alone = with("called_by_nobody", &[]);
-    assert!(alone.rewritten == 1 && alone.cautions[0].contains("may do so"), "{alone:?}");
+    assert!(alone.rewritten == 1 && alone.cautions[0].contains("sets a tool or a base"), "{alone:?}");
 }
 
 #[test]

@@ -11,8 +11,8 @@ mod rail;
 mod sink;
 
 use fixtures::{
-    IRB, KR6, LR, device, flange, gripper, joints, mm, nominal, numbers, pose, programs, quadrant, quaternion, rapid,
-    real,
+    IRB, KR6, LR, UR5E, device, flange, gripper, joints, mm, nominal, numbers, pose, programs, quadrant, quaternion,
+    rapid, real,
 };
 use proptest::prelude::*;
 use trical_model::pose::angles_zyx;
@@ -395,7 +395,7 @@ fn a_first_target_without_a_configuration_gets_a_caution_whether_a_motion_names_
 
 #[test]
 fn a_routine_above_the_program_and_a_further_branch_are_met_as_the_program_leaves_the_arm() {
-    let n = nominal(fixtures::UR5E);
+    let n = nominal(UR5E);
     let q = [10.0, -78.0, 62.0, -40.0, 60.0, -30.0];
     let p = flange(&n, &q).compose(&device());
     let v = trical_model::pose::rotation_vector(&p.rotation);
@@ -500,6 +500,27 @@ fn targets_that_no_motion_names_need_a_tool_where_there_are_several() {
     assert!(problems(&several).is_empty());
     let found = problems(&format!("{several}pNext:=c;\n"));
     assert!(found.len() == 1 && found[0].contains("line 4 (c)") && found[0].contains("--tool"), "{found:?}");
+}
+
+#[test]
+fn where_nothing_sets_a_tool_it_is_said_which_one_is_taken() {
+    let (ur, irb) = (nominal(UR5E), nominal(IRB));
+    let [script, with_tool] =
+        ["", "set_tcp(p[0,0,0.1,0,0,0])\n"].map(|tool| format!("{tool}movel(p[-0.4,-0.3,0.4,1,2,0.5])\n"));
+    let data = "CONST robtarget a:=[[350,50,320],[0,0.6,0.8,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n";
+    for (text, d, n, is_told) in [
+        (script.as_str(), Dialect::UrScript, &ur, true),
+        (&with_tool, Dialect::UrScript, &ur, false),
+        (data, Dialect::Rapid, &irb, true),
+        (&format!("{data}MoveL a,v1,fine,tool0;\n"), Dialect::Rapid, &irb, false),
+    ] {
+        let (_, report) = run(text.as_bytes(), d, n, n, &Frames::default());
+        let told = report
+            .cautions
+            .iter()
+            .find(|c| c.contains("sets a tool or a base for 1 of 1 targets (the first in line 1)"));
+        assert_eq!((told.is_some(), report.rewritten), (is_told, 1), "{text}: {report:?}");
+    }
 }
 
 #[test]

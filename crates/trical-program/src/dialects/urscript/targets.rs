@@ -20,6 +20,9 @@ pub(super) fn scopes(bytes: &[u8]) -> Scopes {
     let mut found = Scopes::default();
     let mut c = Cursor::new(bytes, b'#');
     while let Some((from, word)) = c.next_word() {
+        if c.is_member(from) {
+            continue;
+        }
         if FUNCTIONS.contains(&word) {
             found.open();
             c.skip_blank();
@@ -82,11 +85,14 @@ pub(super) fn constants(bytes: &[u8]) -> Constants {
 
 /// From within an argument to the next one of the same call.
 pub(super) fn next_argument(c: &mut Cursor<'_>) -> bool {
-    let (mut depth, mut is_text) = (0, false);
-    for b in c.until(b"") {
-        match b {
-            b'"' => is_text = !is_text,
-            _ if is_text => {}
+    let mut depth = 0;
+    let end = c.at + c.until(b"").len();
+    while c.at < end {
+        match c.peek() {
+            _ if c.begins_string() => {
+                c.skip_string();
+                continue;
+            }
             b'(' | b'[' => depth += 1,
             b')' | b']' if depth == 0 => return false,
             b')' | b']' => depth -= 1,

@@ -4,6 +4,24 @@ use super::{Case, case};
 
 pub(super) const URSCRIPT: &[Case] = &[
     case(
+        "words in strings, and parts that are called as words are",
+        "def a():\n  set_tcp(p[0,0,0.1,0,0,0])\n  textmsg('the end of it')\n  textmsg(\"say \\\"end\\\" if\")\n  popup(\"it's\", 'a, b')\n  x.end = 3\n  movel(p[@0])\n  popup(\"don't\") # isn't\n  movel(p[@1])\nend\n",
+        &[7, 9],
+        &[],
+    ),
+    case(
+        "an end that closes nothing",
+        "def a():\n  set_tcp(p[0,0,0.1,0,0,0])\n  movel(p[@0])\n  end\n  movel(p[@1])\nend\n  end\n",
+        &[3, 5],
+        &[(6, "closes no block")],
+    ),
+    case(
+        "a block that stays open",
+        "def a():\n  set_tcp(p[0,0,0.1,0,0,0])\n  movel(p[@0])\n  while True:\n  movel(p[@1])\nend\n",
+        &[3, 5],
+        &[(1, "no 'end' closes")],
+    ),
+    case(
         "lists of places",
         "pts=[p[@0],\n p[@1]]\nqs=[[0.1,-1.4,1.3,-1.1,0.4,0.1],[0.2,-1.4,1.3,-1.1,0.4,0.1]]\nout=[p[@2]]\ni=0\nwhile i<2:\nmovel(pts[i])\ni=i+1\nend\nmovej(qs[1])\nmovej(out[0])\nout[0]=seen()\n",
         &[1, 2, 3, 4],

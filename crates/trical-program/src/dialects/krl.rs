@@ -49,8 +49,22 @@ const MOTIONS: [&[u8]; 7] = [b"PTP", b"LIN", b"CIRC", b"SPTP", b"SLIN", b"SCIRC"
 /// Those of which the joints' ends matter: the controller takes status and turn of their targets.
 const FREE_MOTIONS: [&[u8]; 2] = [b"PTP", b"SPTP"];
 const RELATIVE: [&[u8]; 7] = [b"PTP_REL", b"LIN_REL", b"CIRC_REL", b"SPTP_REL", b"SLIN_REL", b"SCIRC_REL", b"SPL_REL"];
-/// Variables that say where the arm is.
-const HERE: [&[u8]; 5] = [b"$POS_ACT", b"$AXIS_ACT", b"$POS_ACT_MES", b"$AXIS_ACT_MES", b"$AXIS_ACT_MEAS"];
+/// Variables that say where the arm is, or where it was on its path.
+const HERE: [&[u8]; 13] = [
+    b"$POS_ACT",
+    b"$AXIS_ACT",
+    b"$POS_ACT_MES",
+    b"$AXIS_ACT_MES",
+    b"$AXIS_ACT_MEAS",
+    b"$POS_RET",
+    b"$AXIS_RET",
+    b"$POS_INT",
+    b"$AXIS_INT",
+    b"$POS_BACK",
+    b"$AXIS_BACK",
+    b"$POS_FOR",
+    b"$AXIS_FOR",
+];
 /// Statements of the language that look like calls.
 const BUILT_IN: [&[u8]; 14] = [
     b"COPEN",
@@ -394,7 +408,8 @@ impl<'a> Reader<'a> {
         } else if word.eq_ignore_ascii_case(b"$LOAD") {
             self.scan.loads.push(from);
         } else if is_one_of(word, &CURRENT) {
-            self.set(word.eq_ignore_ascii_case(b"$TOOL"), format!("{} (computed)", lower(word)));
+            let name = self.calculated(format!("{} (set in part)", lower(word)));
+            self.set(word.eq_ignore_ascii_case(b"$TOOL"), name);
         } else if mentions(self.c.until(b";\n\r"), word) {
             self.names.changed(self.key(word, from), from);
         } else if !is_system(word) {

@@ -68,6 +68,9 @@ impl Reader<'_> {
         if is_one_of(word, &[b"$NULLFRAME", b"$WORLD"]) {
             return "0".into();
         }
+        if self.c.peek() != b'.' && word.eq_ignore_ascii_case(if is_tool { b"$TOOL" } else { b"$BASE" }) {
+            return self.active(is_tool);
+        }
         if is_one_of(word, &[b"STOOL", b"STOOL2", b"SBASE"]) && self.c.eat(b'(') {
             return self.of_motion_data(is_tool);
         }
@@ -95,8 +98,21 @@ impl Reader<'_> {
         if is_whole { name } else { self.calculated(format!("{name}...")) }
     }
 
+    /// The tool or base that is set here, which a product begins with (`$BASE=$BASE:{X 100,...}`).
+    fn active(&mut self, is_tool: bool) -> String {
+        if let Some(known) = self.now.slot(is_tool).clone() {
+            return known;
+        }
+        let what = if is_tool { "$tool" } else { "$base" };
+        let why = format!("is meant relative to {}, which nothing in the files read sets before", what.to_uppercase());
+        let name = format!("{what} (not set)");
+        self.scan.frames.tools.insert(name.clone(), Err(why.clone()));
+        self.scan.frames.frames.insert(name.clone(), Err(why));
+        name
+    }
+
     /// A tool or base that nobody knows before the program runs.
-    fn calculated(&mut self, name: String) -> String {
+    pub(super) fn calculated(&mut self, name: String) -> String {
         self.scan.frames.tools.insert(name.clone(), Err(calculated(&name)));
         self.scan.frames.frames.insert(name.clone(), Err(calculated(&name)));
         name

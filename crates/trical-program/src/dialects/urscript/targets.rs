@@ -238,8 +238,8 @@ pub(super) fn unsteady(bytes: &[u8], scopes: &Scopes, in_frames: &mut HashMap<u6
     let mut open: Vec<Option<usize>> = Vec::new();
     let mut functions = 0;
     let mut c = Cursor::new(bytes, b'#');
-    while let Some((_, word)) = c.next_word() {
-        match word {
+    while let Some((from, word)) = c.next_word() {
+        match if c.is_member(from) { b"" } else { word } {
             _ if FUNCTIONS.contains(&word) => {
                 functions += 1;
                 open.push(Some(functions));

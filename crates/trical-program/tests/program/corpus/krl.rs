@@ -3,6 +3,13 @@
 use super::{Case, case};
 
 pub(super) const KRL: &[Case] = &[
+    case("back to the path", "LIN {@0}\nPTP $POS_RET\nLIN $POS_INT\nPTP $AXIS_BACK\nPTP $AXIS_FOR\n", &[1], &[]),
+    case(
+        "a base that is changed and was never set, or changed in part, or in a loop",
+        "$BASE=$BASE:{X 5,Y 0,Z 0,A 0,B 0,C 0}\nLIN {@0}\n$BASE=$NULLFRAME\n$BASE.X=$BASE.X+10\nLIN {@1}\n$BASE=$NULLFRAME\nLOOP\n$BASE=$BASE:{X 5,Y 0,Z 0,A 0,B 0,C 0}\nLIN {@2}\nENDLOOP\n",
+        &[],
+        &[(2, "relative to $BASE, which nothing"), (5, "only the running program"), (9, "set in a loop")],
+    ),
     case(
         "points that nothing uses",
         "TOOL_DATA[1]={X 18,Y -12,Z 118,A 0,B 0,C 0}\nDECL E6POS XP1={@0}\nDECL FDAT FP1={TOOL_NO 1,BASE_NO 0}\nDECL E6POS XP3={X 0,Y 0,Z 0,A 0,B 0,C 0,S 2,T 10}\nDECL FDAT FP3={TOOL_NO 2,BASE_NO 1}\nDECL E6POS XOLD\nXOLD={X 0,Y 0,Z 0,A 0,B 0,C 0}\nDECL E6POS XTEMP={X 0,Y 0,Z 0,A 0,B 0,C 0}\nFDAT_ACT=FP1\nPTP XP1\nXTEMP=XP1\nLIN XTEMP\nXTEMP=$POS_ACT\nLIN XTEMP\n",

@@ -37,6 +37,12 @@ pub(super) const SAME: &[(Dialect, &str, &str, &str)] = &[
     ),
     (
         Krl,
+        "a base and a tool that are multiplied further",
+        "BASE_DATA[1]={X 10,Y 0,Z 0,A 90,B 0,C 0}\nBAS(#BASE,1)\n$TOOL={X 18,Y -12,Z 18,A 90,B 0,C 0}\n$BASE=$BASE:{X 5,Y 0,Z 0,A 0,B 0,C 0}\nLIN {@0}\n$TOOL=$TOOL:{X 5,Y 0,Z 100,A 0,B 0,C 0}\nLIN {@1}\n",
+        "$BASE={X 10,Y 5,Z 0,A 90,B 0,C 0}\n$TOOL={X 18,Y -12,Z 18,A 90,B 0,C 0}\nLIN {@0}\n$TOOL={X 18,Y -7,Z 118,A 90,B 0,C 0}\nLIN {@1}\n",
+    ),
+    (
+        Krl,
         "a tool that stands still for a while",
         "TOOL_DATA[1]={X 18,Y -7,Z 118,A 90,B 0,C 0}\nBAS(#TOOL,0)\n$IPO_MODE=#TCP\nBAS(#TOOL,1)\n$IPO_MODE=#BASE\nLIN {@0}\n",
         "$TOOL={X 18,Y -7,Z 118,A 90,B 0,C 0}\nLIN {@0}\n",

@@ -46,7 +46,7 @@ impl View {
 /// Runs a session, with the words of the command line: the way on where it is broken off is up to the caller.
 pub fn perform(session: &Session<'_>, then: &str, watch: &mut dyn FnMut(Progress)) -> Result<RunReport> {
     session.perform(watch).map_err(|e| match e {
-        SessionError::Run(e) if !e.is_cancelled() => CliError::Failed(format!("{e}; what was measured is safe{then}")),
+        SessionError::Run(e) if e.goes_on() => CliError::Failed(format!("{e}; what was measured is safe{then}")),
         SessionError::Run(_) | SessionError::Finish(_) => CliError::Failed(e.to_string()),
         SessionError::Recording(e) => e.into(),
         SessionError::Controller(e) => e.into(),

@@ -135,7 +135,7 @@ fn ended(e: SessionError) -> Failed {
         SessionError::Recording(e) => e.into(),
         SessionError::Model(e) => e.into(),
         SessionError::OtherArm { .. } | SessionError::Settings(_) => bad(e.to_string()).into(),
-        SessionError::Run(e) if !e.is_cancelled() => {
+        SessionError::Run(e) if e.goes_on() => {
             MeasuringError::new_err(format!("{e}; what was measured is safe, resume=True goes on")).into()
         }
         SessionError::Run(_) | SessionError::Finish(_) => MeasuringError::new_err(e.to_string()).into(),

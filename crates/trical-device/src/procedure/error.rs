@@ -68,6 +68,13 @@ impl ProcedureError {
     pub fn is_cancelled(&self) -> bool {
         matches!(self.violation(), Some(Violation::Cancelled | Violation::Stopped))
     }
+
+    /// Whether what was measured is on the disk, so that a run can go on: unless another program destroyed the recording.
+    #[must_use]
+    pub fn goes_on(&self) -> bool {
+        !self.is_cancelled()
+            && !matches!(self.violation(), Some(Violation::Record(RecordError::Removed { saved: Err(_), .. })))
+    }
 }
 
 /// What ended a touch.

@@ -288,7 +288,7 @@ impl RecordingWriter {
     fn check_there(&mut self) -> Result<(), RecordError> {
         let path = behind_links(&self.path).unwrap_or_else(|_| self.path.clone());
         if !self.is_as_written().unwrap_or(false) {
-            let saved = Err(std::io::Error::other("another program has emptied it or has written into it"));
+            let saved = Err(std::io::Error::other("another program has written into it"));
             return Err(RecordError::Removed { path, saved });
         }
         if self.rescued || is_at(&self.file, &path) {

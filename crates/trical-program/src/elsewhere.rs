@@ -45,6 +45,12 @@ pub trait Elsewhere {
         None
     }
 
+    /// Tool and frame of the motions of other files to data of this name (hashed) that a file has for all.
+    fn goes_to(&self, name: u64) -> Vec<Setup> {
+        let _ = name;
+        Vec::new()
+    }
+
     /// Six numbers of data of this name (`XHOME`, `$ROBROOT`) that belong to all programs, by the names of the numbers.
     fn values(&self, name: &[u8], fields: &[&[u8]; 6]) -> Option<[f64; 6]> {
         let _ = (name, fields);

@@ -78,11 +78,12 @@ impl Job<'_> {
             frames.or(&load_frames(&config)?);
             read_with.push(config.display().to_string());
         }
-        let (beside, modules) = (Beside::of(self.program), Modules::beside(self.program));
+        let beside = Beside::of(self.program);
         if dialect == Dialect::Krl {
             frames.world = frames.world.or_else(|| beside.world());
         }
         read_with.extend(files.iter().filter(|f| *f != self.program).map(|f| f.display().to_string()));
+        let modules = Modules::beside(self.program, &frames);
         let names: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
         let (bytes, ends) = read_all(&files, &names)?;
         let outs = self.outputs(&files)?;
@@ -298,10 +299,21 @@ struct Beside<'a> {
     global: OnceCell<(HashMap<u64, PathBuf>, Vec<String>)>,
     /// Frames that files beside declare as GLOBAL, with these files.
     frames: OnceCell<Vec<(Frames, String)>>,
-    /// What is set where files beside call routines of this program, and the tools and frames that they give for it.
-    callers: OnceCell<(HashMap<u64, Setup>, Frames)>,
+    /// How files beside use this program.
+    callers: OnceCell<Callers>,
     /// Whether these are being read.
     reads_callers: Cell<bool>,
+}
+
+/// How files beside use a program.
+#[derive(Default)]
+struct Callers {
+    /// What is set where they call its routines.
+    called_with: HashMap<u64, Setup>,
+    /// What is set where they go to its GLOBAL points.
+    goes: HashMap<u64, Vec<Setup>>,
+    /// The tools and frames that they give for these.
+    frames: Frames,
 }
 
 impl<'a> Beside<'a> {
@@ -317,8 +329,8 @@ impl<'a> Beside<'a> {
         }
     }
 
-    /// What is set at the calls of this program's routines in the files beside.
-    fn callers(&self) -> &(HashMap<u64, Setup>, Frames) {
+    /// What is set at the calls of this program's routines in the files beside, and at their motions to its points.
+    fn callers(&self) -> &Callers {
         self.callers.get_or_init(|| {
             self.reads_callers.set(true);
             let found = self.read_callers();
@@ -327,17 +339,18 @@ impl<'a> Beside<'a> {
         })
     }
 
-    fn read_callers(&self) -> (HashMap<u64, Setup>, Frames) {
-        let (mut found, mut frames) = (HashMap::<u64, Setup>::new(), Frames::default());
-        let Ok(whole) = self.program.canonicalize() else { return (found, frames) };
+    fn read_callers(&self) -> Callers {
+        let mut found = Callers::default();
+        let Ok(whole) = self.program.canonicalize() else { return found };
         let own = together(&whole);
-        let source = own.last().and_then(|source| read_small(source)).unwrap_or_default();
-        let routines = krl::callable(&source);
-        if routines.is_empty() {
-            return (found, frames);
+        let text: Vec<u8> = own.iter().filter_map(|file| read_small(file)).flatten().collect();
+        let (routines, points) = (krl::callable(&text), krl::global_frames(&text));
+        if routines.is_empty() && points.is_empty() {
+            return found;
         }
         for path in sources(&whole).filter(|path| !own.contains(path)).take(MOST_FILES) {
-            let Some(bytes) = read_small(&path).filter(|b| krl::calls(b, &routines) && !contains(b, MARK.as_bytes()))
+            let Some(bytes) =
+                read_small(&path).filter(|b| krl::uses(b, &routines, &points) && !contains(b, MARK.as_bytes()))
             else {
                 continue;
             };
@@ -346,16 +359,30 @@ impl<'a> Beside<'a> {
             let data = files.iter().filter(|file| **file != path).filter_map(|file| read_small(file)).flatten();
             let Ok(scan) = Dialect::Krl.scan_with(&data.chain(bytes).collect::<Vec<u8>>(), self) else { continue };
             let file = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-            for (name, setup) in scan.called_with.iter().filter(|(name, _)| routines.contains(name)) {
+            let mut meant = |setup: &Setup| {
                 let mut setup = setup.clone();
-                take_with(&mut setup.tool, &scan.frames.tools, &mut frames.tools, &file);
-                take_with(&mut setup.frame, &scan.frames.frames, &mut frames.frames, &file);
-                let before = found.remove(name).unwrap_or_default();
-                found.insert(*name, at_calls(before, setup));
+                take_with(&mut setup.tool, &scan.frames.tools, &mut found.frames.tools, &file);
+                take_with(&mut setup.frame, &scan.frames.frames, &mut found.frames.frames, &file);
+                setup
+            };
+            let mut is_used = false;
+            for (name, setup) in scan.called_with.iter().filter(|(name, _)| routines.contains(name)) {
+                let before = found.called_with.remove(name).unwrap_or_default();
+                found.called_with.insert(*name, at_calls(before, meant(setup)));
+                is_used = true;
+            }
+            let mut goes: Vec<_> = scan.goes_elsewhere.iter().filter(|(name, _)| points.contains(name)).collect();
+            goes.sort_unstable();
+            for (name, setup) in goes {
+                let Some(setup) = scan.setups.get(*setup as usize) else { continue };
+                found.goes.entry(*name).or_default().push(meant(setup));
+                is_used = true;
+            }
+            if is_used {
                 self.note_read(path.display().to_string());
             }
         }
-        (found, frames)
+        found
     }
 
     fn note_read(&self, file: String) {
@@ -461,16 +488,20 @@ impl Elsewhere for Beside<'_> {
     }
 
     fn called_with(&self, routine: u64) -> Option<Setup> {
-        (!self.reads_callers.get()).then(|| self.callers().0.get(&routine).cloned()).flatten()
+        (!self.reads_callers.get()).then(|| self.callers().called_with.get(&routine).cloned()).flatten()
+    }
+
+    fn goes_to(&self, name: u64) -> Vec<Setup> {
+        if self.reads_callers.get() { Vec::new() } else { self.callers().goes.get(&name).cloned().unwrap_or_default() }
     }
 
     fn tool(&self, name: &str) -> Option<Result<ToolFrame, String>> {
-        let by_caller = self.callers.get().and_then(|(_, frames)| frames.tools.get(name).cloned());
+        let by_caller = self.callers.get().and_then(|c| c.frames.tools.get(name).cloned());
         by_caller.or_else(|| self.global_frame(|frames| frames.tools.get(name)))
     }
 
     fn frame(&self, name: &str) -> Option<Result<Pose, String>> {
-        let by_caller = self.callers.get().and_then(|(_, frames)| frames.frames.get(name).cloned());
+        let by_caller = self.callers.get().and_then(|c| c.frames.frames.get(name).cloned());
         by_caller.or_else(|| self.global_frame(|frames| frames.frames.get(name)))
     }
 

@@ -19,8 +19,10 @@ const MOST: usize = 300;
 const LARGEST: u64 = 16 << 20;
 
 /// Modules in the folder of a program; of a backup, also those of `PROGMOD` and `SYSMOD` of the same task.
-pub struct Modules {
+pub struct Modules<'a> {
     program: PathBuf,
+    /// Tools and work objects of files that the user names.
+    given: &'a Frames,
     read: OnceCell<(Vec<Module>, Vec<String>)>,
     used: RefCell<BTreeSet<usize>>,
     motions: OnceCell<HashMap<u64, BTreeSet<(usize, usize)>>>,
@@ -36,11 +38,12 @@ struct Module {
     given: Vec<(u64, u64)>,
 }
 
-impl Modules {
-    /// Beside a program.
+impl<'a> Modules<'a> {
+    /// Beside a program, for which the user names files with these tools and work objects.
     #[must_use]
-    pub fn beside(program: &Path) -> Self {
-        Self { program: program.to_owned(), read: OnceCell::new(), used: RefCell::default(), motions: OnceCell::new() }
+    pub fn beside(program: &Path, given: &'a Frames) -> Self {
+        let program = program.to_owned();
+        Self { program, given, read: OnceCell::new(), used: RefCell::default(), motions: OnceCell::new() }
     }
 
     /// Those of which something was used.
@@ -143,7 +146,7 @@ impl Modules {
     }
 }
 
-impl Elsewhere for Modules {
+impl Elsewhere for Modules<'_> {
     fn routine(&self, name: &str) -> Option<Outside> {
         self.together([hashed(name.as_bytes())])
     }
@@ -170,11 +173,13 @@ impl Elsewhere for Modules {
     }
 
     fn tool(&self, name: &str) -> Option<Result<ToolFrame, String>> {
-        the_same(self.every(|m| m.frames.tools.get(name).cloned()), name)
+        let given = self.given.tools.get(name).cloned();
+        given.or_else(|| the_same(self.every(|m| m.frames.tools.get(name).cloned()), name))
     }
 
     fn frame(&self, name: &str) -> Option<Result<Pose, String>> {
-        the_same(self.every(|m| m.frames.frames.get(name).cloned()), name)
+        let given = self.given.frames.get(name).cloned();
+        given.or_else(|| the_same(self.every(|m| m.frames.frames.get(name).cloned()), name))
     }
 
     fn wanted(&self) -> Vec<u64> {

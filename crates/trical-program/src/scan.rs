@@ -163,6 +163,8 @@ pub struct Scan {
     pub routines: HashMap<u64, Setup>,
     /// What is set where each routine, by its hashed name, is called.
     pub called_with: HashMap<u64, Setup>,
+    /// Motions to names of which the file says nothing: the hashed name, and the setup.
+    pub goes_elsewhere: HashSet<(u64, u32)>,
     /// Calls of routines that are in no file that was read.
     pub calls: Vec<Call>,
     /// What called routines of other files do, and where they are called.

@@ -12,7 +12,7 @@ mod targets;
 
 pub use outside::{displaces, global_frames, sets, values};
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use nalgebra::Vector3;
 use trical_model::pose::rotation_zyx;
@@ -140,6 +140,8 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
     for (name, setup) in said {
         reader.names.used(name, setup, Way::Said, 0);
     }
+    reader.names.end_of_file();
+    reader.used_elsewhere(bytes);
     reader.in_products();
     let Reader { mut scan, mut names, .. } = reader;
     named.no_targets.iter().for_each(|name| names.no_target(*name));
@@ -177,13 +179,14 @@ fn routines(bytes: &[u8]) -> impl Iterator<Item = (u64, bool)> {
     })
 }
 
-/// Whether one of these routines (hashed) may be called in a file.
+/// Whether one of these routines may be called in a file, or it may go to one of these points (hashed).
 #[must_use]
-pub fn calls(bytes: &[u8], routines: &[u64]) -> bool {
+pub fn uses(bytes: &[u8], routines: &[u64], points: &HashSet<u64>) -> bool {
     let mut c = Cursor::new(bytes, b';');
     while let Some((_, word)) = c.next_word() {
         c.skip_blank();
-        if c.peek() == b'(' && routines.contains(&hashed(word)) {
+        let name = hashed(word);
+        if points.contains(&name) || c.peek() == b'(' && routines.contains(&name) {
             return true;
         }
     }

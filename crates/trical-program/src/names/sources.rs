@@ -72,6 +72,9 @@ impl Names {
         seen: &mut Vec<(u64, bool)>,
     ) -> Option<bool> {
         self.list_computed(from, scan);
+        if from.is_empty() {
+            scan.goes_elsewhere.insert((name, setup));
+        }
         if from.is_empty() || seen.len() > MOST_NAMES {
             return Some(false);
         }

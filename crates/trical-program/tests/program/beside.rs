@@ -42,6 +42,39 @@ fn the_data_of_a_program_are_found_however_their_file_is_written() {
 }
 
 #[test]
+fn global_points_have_the_tool_and_base_with_which_files_beside_go_there() {
+    let point = |name: &str| format!("DECL GLOBAL E6POS {name}={{X 130,Y 120,Z 280,A -100,B 80,C 90}}\n");
+    let points = format!("DEFDAT POINTS PUBLIC\n{}{}{}ENDDAT\n", point("XG1"), point("XG2"), point("XG3"));
+    let main = "DEF A( )\nDECL E6POS XNOW\nBAS(#TOOL,2)\nBAS(#BASE,1)\nXNOW=XG2\nPTP XG1\nLIN XNOW\nEND\n";
+    let config = "TOOL_DATA[2]={X 0,Y 0,Z 10,A 0,B 0,C 0}\nBASE_DATA[1]={X 0,Y 5,Z 0,A 0,B 0,C 0}\n";
+    let report = checked("global_points", KR6, &[("points.dat", &points), ("a.src", main), ("$config.dat", config)]);
+    assert_eq!(names(&report.read_with), ["$config.dat", "a.src"], "{report:?}");
+    // to the last point nothing in the file goes that is read; the tool and base of the others are taken
+    assert_eq!((report.problems.len(), &report.setups), (0, &vec![("tool '2' in '1'".to_owned(), 3)]), "{report:?}");
+    let other = "DEF B( )\nBAS(#TOOL,0)\nBAS(#BASE,1)\nPTP XG1\nEND\n";
+    let files = [("points.dat", points.as_str()), ("a.src", main), ("b.src", other), ("$config.dat", config)];
+    let report = checked("global_points_twice", KR6, &files);
+    assert!(report.problems[0].to_string().contains("line 2 (XG1): is used with"), "{report:?}");
+}
+
+#[test]
+fn tools_of_frames_files_are_known_among_the_arguments_of_instructions_that_nobody_has_read() {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("glue");
+    std::fs::create_dir_all(&folder).unwrap();
+    let text = "MODULE M\nCONST robtarget p:=TARGET;\nPROC main()\nMoveJ [[300,0,400],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v1,fine,tool0;\n\
+        GlueL p,v100,tGun\\WObj:=wPart;\nENDPROC\nENDMODULE\n";
+    let (program, frames) = (folder.join("m.mod"), folder.join("frames.toml"));
+    std::fs::write(&program, text.replace("TARGET", TARGET)).unwrap();
+    std::fs::write(&frames, "[tools.tGun]\nxyz_mm=[0,0,80]\n[frames.wPart]\nxyz_mm=[5,0,0]\n").unwrap();
+    let job = Job { program: &program, out: None, dialect: None, frames: &[frames], partial: false };
+    let nominal = nominal(IRB);
+    let options = Options { temp_c: Some(32.0), configuration_off: true, ..Options::default() };
+    let report = job.run(&nominal, &real(&nominal), &options).unwrap();
+    assert!(report.problems.is_empty(), "{report:?}");
+    assert!(report.setups.contains(&("tool 'tgun' in 'wpart'".to_owned(), 1)), "{report:?}");
+}
+
+#[test]
 fn modules_of_the_same_task_say_what_their_routines_do_and_have_its_tools() {
     let main = "MODULE Main\nPERS robtarget p:=TARGET;\nPERS robtarget q:=TARGET;\nPROC main()\nMoveL p,v1,fine,tGrip\\WObj:=wTable;\nBlow;\nFind 3;\n\
         Shift;\nMoveL q,v1,fine,tGrip\\WObj:=wTable;\nMoveL p,v1,fine,tTwo\\WObj:=wTable;\nNobodyHas 1;\nENDPROC\nENDMODULE\n";

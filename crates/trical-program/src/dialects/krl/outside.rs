@@ -3,8 +3,8 @@
 use std::collections::HashSet;
 
 use super::{Reader, TYPES, is_system};
-use crate::names::Origin;
-use crate::scan::{changed_here, hashed};
+use crate::names::{Origin, Way};
+use crate::scan::{Fork, changed_here, hashed};
 use crate::text::{Cursor, is_one_of, mentions};
 
 /// The places that a line declares, and whether for all files: `DECL GLOBAL E6POS P={...}`.
@@ -82,6 +82,21 @@ pub fn displaces(bytes: &[u8]) -> bool {
         let code = line.split(|b| *b == b';').next().unwrap_or_default();
         mentions(code, b"RSI_ON")
     })
+}
+
+impl Reader<'_> {
+    /// Motions of other files to the points that this one has for all.
+    pub(super) fn used_elsewhere(&mut self, bytes: &[u8]) {
+        let mut points: Vec<u64> = global_frames(bytes).into_iter().filter(|name| self.names.defines(*name)).collect();
+        points.sort_unstable();
+        for name in points {
+            for setup in self.elsewhere.goes_to(name) {
+                let setup = self.scan.setup(setup);
+                self.names.fork(Fork::Anywhere);
+                self.names.used(name, setup, Way::To, 0);
+            }
+        }
+    }
 }
 
 /// Notes what the routines do that this file calls and does not have. Of those that nobody has, any may set global data.

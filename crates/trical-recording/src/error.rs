@@ -71,7 +71,7 @@ pub enum RecordError {
         /// The file.
         path: PathBuf,
     },
-    /// The file was removed or replaced while it was written.
+    /// The file was removed, replaced or emptied while it was written.
     #[error("{}: was removed, replaced or emptied while it was written; {}", path.display(), match saved {
         Ok(saved) => format!("what it held has been written into {}", saved.display()),
         Err(e) => format!("what it held is lost ({e})"),

@@ -42,7 +42,7 @@ impl Rounds {
             let terms = || set.iter().flat_map(|c| &self.candidates[*c].terms);
             moved(&self.fitted, &|t| terms().any(|own| own.does_as(t)))
         };
-        if by(&course)? <= MOST_INFLATION.sqrt() * self.plain {
+        if course.is_empty() || by(&course)? <= MOST_INFLATION.sqrt() * self.plain {
             return Ok(None);
         }
         let each = course.iter().map(|c| Ok((by(&[*c])?, *c))).collect::<Result<Vec<_>>>()?;

@@ -287,9 +287,8 @@ impl RecordingWriter {
     /// What is written into a file that was removed is lost when it is closed: it is written again.
     fn check_there(&mut self) -> Result<(), RecordError> {
         let path = behind_links(&self.path).unwrap_or_else(|_| self.path.clone());
-        if !self.is_as_written().unwrap_or(false) {
-            let saved = Err(std::io::Error::other("another program has written into it"));
-            return Err(RecordError::Removed { path, saved });
+        if let Err(why) = self.check_as_written() {
+            return Err(RecordError::Removed { path, saved: Err(why) });
         }
         if self.rescued || is_at(&self.file, &path) {
             return Ok(());
@@ -304,8 +303,8 @@ impl RecordingWriter {
         Err(RecordError::Removed { path, saved: copied.map(|()| to) })
     }
 
-    /// Whether what stood before the end at the last measurement still stands there; then the end is where it is now.
-    fn is_as_written(&mut self) -> std::io::Result<bool> {
+    /// What stood before the end at the last measurement has to stand there still; what stands before the end now is kept for the next time.
+    fn check_as_written(&mut self) -> std::io::Result<()> {
         let mut file: &File = &self.file;
         let end = file.stream_position()?;
         let mut read = |to: u64| {
@@ -314,11 +313,13 @@ impl RecordingWriter {
             file.read_exact(&mut bytes).map(|()| bytes)
         };
         let (before, bytes) = self.written;
-        let same = before == 0 || read(before).is_ok_and(|there| there == bytes);
-        let now = read(end);
+        let [there, now] = [before, end].map(&mut read);
         file.seek(SeekFrom::Start(end))?;
+        if before > 0 && there.ok() != Some(bytes) {
+            return Err(std::io::Error::other("another program has written into it"));
+        }
         self.written = (end, now?);
-        Ok(same)
+        Ok(())
     }
 
     fn end(&mut self) -> Result<(), RecordError> {

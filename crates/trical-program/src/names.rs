@@ -83,12 +83,17 @@ pub struct Names {
     followed_on: HashSet<(u64, u32)>,
     /// Names with many definitions to any of which motions go: with which setups, and to which elements.
     met_any: HashSet<(u64, u32, Option<usize>)>,
-    /// What was found of names without data, by the setups of the motions that go there.
-    followed: HashMap<(u64, u32), Option<bool>>,
+    /// What was found of names without data, and whether they are shifted against what they are set from, by the setups of the motions
+    /// that go there.
+    followed: HashMap<(u64, u32), (Option<bool>, bool)>,
     /// Names whose data are in `Scan::problems` already.
     listed: HashSet<u64>,
     /// Names of data that look like targets and are none, unless a motion goes there.
     no_targets: HashSet<u64>,
+    /// Where names are set from data as they are: what goes there is relative to nothing.
+    copied_at: HashSet<u32>,
+    /// Whether a name that is being followed is set from another one and shifted against it.
+    is_shifted: bool,
     /// Calculations that are listed already.
     listed_at: HashSet<u32>,
     /// Where coordinates of data are changed by some amount, as in `p.trans.z:=p.trans.z+50`.
@@ -286,6 +291,11 @@ impl Names {
     /// The program sets the data of this name somewhere: any motion may meet that.
     pub fn set_from(&mut self, name: u64, origin: Origin) {
         self.keep_origin(name, origin, false);
+    }
+
+    /// What the program sets at this offset it sets from data as they are, by another name only.
+    pub fn copied(&mut self, at: usize) {
+        self.copied_at.insert(at as u32);
     }
 
     fn keep_origin(&mut self, name: u64, origin: Origin, is_here: bool) {

@@ -570,8 +570,18 @@ fn set_register(
         // a shift against itself goes with it
         Some((_, true, other)) if *other == digits => return,
         _ if is_element => Origin::Computed(at),
-        Some((_, true, other)) => Origin::Name { name: register(other), at },
-        Some((_, false, other)) if !other.is_empty() => Origin::Name { name: hashed(other), at },
+        Some((_, true, other)) => {
+            if from.len() == 1 {
+                names.copied(at as usize);
+            }
+            Origin::Name { name: register(other), at }
+        }
+        Some((_, false, other)) if !other.is_empty() => {
+            if from.len() == 1 {
+                names.copied(at as usize);
+            }
+            Origin::Name { name: hashed(other), at }
+        }
         _ if has(source, b"LPOS") || has(source, b"JPOS") => Origin::Here,
         _ => Origin::Computed(at),
     };

@@ -459,6 +459,9 @@ impl<'a> Reader<'a> {
             } else if source.is_empty() || matches!(self.c.peek(), b'(' | b'.') {
                 Origin::Computed(from as u32)
             } else {
+                if matches!(self.c.until(b"\n\r;").trim_ascii(), b"" | [b'[', .., b']']) {
+                    self.names.copied(from);
+                }
                 Origin::Name { name: self.key(source, from), at: from as u32 }
             };
             self.names.set_here(self.key(word, from), index, origin);

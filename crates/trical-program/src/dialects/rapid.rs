@@ -445,7 +445,10 @@ impl Reader<'_> {
                 _ => Origin::Computed(at),
             }),
             b'.' => Some(Origin::Computed(at)),
-            b if ends.contains(&b) => Some(Origin::Name { name: self.key(word), at }),
+            b if ends.contains(&b) => {
+                self.names.copied(from);
+                Some(Origin::Name { name: self.key(word), at })
+            }
             _ => None,
         }
     }
@@ -519,6 +522,7 @@ impl Reader<'_> {
                 true => Origin::Name { name: self.key(name), at: given.at },
                 false => Origin::Computed(given.at),
             };
+            self.names.copied(given.at as usize);
             self.set_from(array, origin);
         }
     }

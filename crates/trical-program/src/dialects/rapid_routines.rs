@@ -433,6 +433,7 @@ impl Reader<'_> {
             let (first, problems) = (self.scan.spots.len(), self.scan.problems.len());
             self.list(0);
             let own = hashed(&[&b"\0at"[..], &at.to_le_bytes()].concat());
+            self.names.copied(from);
             self.names.define(own, first, self.scan.spots.len());
             let origin = match self.scan.problems.len() > problems || self.scan.spots.len() == first {
                 true => Origin::Computed(at),

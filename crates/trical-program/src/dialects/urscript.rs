@@ -350,9 +350,10 @@ impl<'a> Reader<'a> {
                 let own = hashed(&[&b"\0at"[..], &at.to_le_bytes()].concat());
                 let spot = self.scan.push(shape, &spans, Configuration::Free, Span::default()) as usize;
                 self.names.define(own, spot, spot + 1);
+                self.names.copied(at as usize);
                 Origin::Name { name: own, at }
             }
-            Literal::None => match self.origin(0) {
+            Literal::None => match self.origin_at(at as usize) {
                 Some(Some(name)) => Origin::Name { name, at },
                 Some(None) => Origin::Here,
                 None => Origin::Computed(at),
@@ -429,9 +430,15 @@ impl<'a> Reader<'a> {
                 self.scan.unread(span, self.c.bytes);
                 self.names.listed(hash);
             }
-            Literal::Unread(_) => drop(self.values.insert(hash, None)),
+            Literal::Unread(_) => {
+                self.values.insert(hash, None);
+                self.names.set_from(hash, computed);
+            }
             Literal::None if is_target => self.placed(Span::new(from, from + word.len())),
-            Literal::None => drop(self.values.insert(hash, None)),
+            Literal::None => {
+                self.values.insert(hash, None);
+                self.not_placed(hash, from);
+            }
         }
     }
 

@@ -22,18 +22,22 @@ impl Names {
         problem: &dyn Fn() -> String,
     ) {
         let listed = scan.problems.len();
+        self.is_shifted = false;
         let found = match (origins, self.followed.get(&(name, setup))) {
             (Some(origins), _) => self.follow(name, &origins, setup, scan, &mut Vec::new()),
-            (None, Some(found)) => *found,
+            (None, Some((found, is_shifted))) => {
+                self.is_shifted = *is_shifted;
+                *found
+            }
             (None, None) => {
                 let found = self.origin(name, setup, scan, &mut Vec::new());
-                self.followed.insert((name, setup), found);
+                self.followed.insert((name, setup), (found, self.is_shifted));
                 found
             }
         };
         if found != Some(true) {
             scan.problem(at as usize, problem());
-        } else if scan.problems.len() == listed && !self.listed.contains(&name) {
+        } else if self.is_shifted && scan.problems.len() == listed && !self.listed.contains(&name) {
             scan.relative.push(at);
         }
     }
@@ -82,10 +86,12 @@ impl Names {
         seen.push((name, false));
         let mut known = None;
         for origin in from {
-            let Origin::Name { name: other, .. } = origin else {
+            let Origin::Name { name: other, at } = origin else {
+                self.is_shifted |= matches!(origin, Origin::Here);
                 known = Some(true);
                 continue;
             };
+            self.is_shifted |= !self.copied_at.contains(at);
             let found = match seen.iter().find(|(n, _)| n == other) {
                 Some((_, settled)) => settled.then_some(true),
                 None => self.origin(*other, setup, scan, seen),
@@ -121,12 +127,14 @@ impl Names {
         seen.push((name, true));
         for origin in from {
             let Origin::Name { name: other, at } = *origin else { continue };
+            let around = std::mem::replace(&mut self.is_shifted, !self.copied_at.contains(&at));
             let is_known = other == name || self.origin(other, setup, scan, seen) == Some(true);
+            let is_shifted = std::mem::replace(&mut self.is_shifted, around);
             if !self.listed_at.insert(at) {
                 continue;
             }
             if is_known {
-                scan.relative.push(at);
+                scan.relative.extend(is_shifted.then_some(at));
             } else {
                 let what = "a place to which the arm moves is set here from data that the files do not give as numbers";
                 scan.problem(at as usize, what);

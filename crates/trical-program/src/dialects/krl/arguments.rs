@@ -119,6 +119,7 @@ impl Reader<'_> {
             let origin = match self.target(&found, Span::default()) {
                 Some(spot) => {
                     self.names.define(own, spot as usize, spot as usize + 1);
+                    self.names.copied(start.at);
                     Origin::Name { name: own, at }
                 }
                 None => Origin::Computed(at),
@@ -138,6 +139,9 @@ impl Reader<'_> {
             true => Origin::Name { name: self.key(word, start.at), at },
             false => Origin::Computed(call as u32),
         };
+        if is_whole {
+            self.names.copied(start.at);
+        }
         self.names.set_from(parameter, origin);
         self.c = start;
     }

@@ -10,7 +10,7 @@ use crate::frames::AT;
 use crate::names::{Origin, Way};
 use crate::reaching::Part;
 use crate::scan::{Setup, Visit};
-use crate::text::{Span, lower};
+use crate::text::{Span, lower, mentions};
 
 impl Reader<'_> {
     /// A place that is set to `get_inverse_kin(p[...])`, `pose_trans(plane,p[...])`, `pose_trans(plane,other)` or to
@@ -46,7 +46,7 @@ impl Reader<'_> {
             if frame.is_none() {
                 self.c = start;
             }
-            match self.origin(0) {
+            match self.origin_at(name.at as usize) {
                 Some(Some(other)) => match (self.own_frame(other), &frame) {
                     (Some(_), Some(_)) => {}
                     (own, _) => {
@@ -106,6 +106,30 @@ impl Reader<'_> {
             }
         }
         true
+    }
+
+    /// A name to which no motion goes by itself is set to what stands at the cursor, which stays: perhaps to where the arm is, to which places
+    /// are relative.
+    pub(super) fn not_placed(&mut self, name: u64, from: usize) {
+        let start = self.c;
+        let origin = match self.origin_at(from) {
+            Some(Some(other)) => Origin::Name { name: other, at: from as u32 },
+            Some(None) => Origin::Here,
+            None => Origin::Computed(from as u32),
+        };
+        self.c = start;
+        self.names.set_from(name, origin);
+    }
+
+    /// As [`Self::origin`], of what is set at this offset.
+    pub(super) fn origin_at(&mut self, at: usize) -> Option<Option<u64>> {
+        let start = self.c.at;
+        let found = self.origin(0);
+        let text = self.c.bytes.get(start..self.c.at).unwrap_or(&[]);
+        if ![&b"pose_trans"[..], b"pose_add"].iter().any(|shift| mentions(text, shift)) {
+            self.names.copied(at);
+        }
+        found
     }
 
     /// What the expression at the cursor is relative to: a name, or (`Some(None)`) where the arm is; `None` is

@@ -4,6 +4,12 @@ use super::{Case, case};
 
 pub(super) const URSCRIPT: &[Case] = &[
     case(
+        "relative to where the arm is, by a name",
+        "def a():\n  now = get_forward_kin()\n  up = pose_trans(now,p[0,0,-0.01,0,0,0])\n  movel(up)\n  servoj(get_inverse_kin(up))\n  seen = get_actual_tcp_pose()\n  movel(pose_add(seen,p[0,0,0.01,0,0,0]))\n  movel(p[@0])\n  there = camera(1)\n  movel(pose_trans(there,p[0,0,0.01,0,0,0]))\nend\n",
+        &[8],
+        &[(9, "calculated")],
+    ),
+    case(
         "words in strings, and parts that are called as words are",
         "def a():\n  set_tcp(p[0,0,0.1,0,0,0])\n  textmsg('the end of it')\n  textmsg(\"say \\\"end\\\" if\")\n  popup(\"it's\", 'a, b')\n  x.end = 3\n  movel(p[@0])\n  popup(\"don't\") # isn't\n  movel(p[@1])\nend\n",
         &[7, 9],

@@ -94,6 +94,8 @@ pub struct Names {
     copied_at: HashSet<u32>,
     /// Whether a name that is being followed is set from another one and shifted against it.
     is_shifted: bool,
+    /// Whether data are among these that have numbers in the file, and not only places where the arm is.
+    meets_target: bool,
     /// Calculations that are listed already.
     listed_at: HashSet<u32>,
     /// Where coordinates of data are changed by some amount, as in `p.trans.z:=p.trans.z+50`.

@@ -185,6 +185,8 @@ pub struct Scan {
     pub frames: Frames,
     /// Motions whose target cannot be rewritten, and places where one stands: offset and reason.
     pub problems: Vec<(usize, String)>,
+    /// Where places are calculated to which the arm moves, which is among the problems.
+    pub calculated_places: Vec<usize>,
     /// Motions to a home that belongs to all programs: offset and name.
     pub homes: Vec<(usize, String)>,
     /// Targets that stay as they are because nothing uses their numbers: offset and name.
@@ -339,6 +341,7 @@ impl Scan {
 
     /// Lists a motion at `at` to what the program calculates.
     pub fn goes_to_calculated(&mut self, at: usize) {
+        self.calculated_places.push(at);
         self.problem(at, "goes to a place that only the running program calculates");
     }
 

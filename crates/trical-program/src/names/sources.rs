@@ -22,22 +22,23 @@ impl Names {
         problem: &dyn Fn() -> String,
     ) {
         let listed = scan.problems.len();
-        self.is_shifted = false;
+        (self.is_shifted, self.meets_target) = (false, false);
         let found = match (origins, self.followed.get(&(name, setup))) {
             (Some(origins), _) => self.follow(name, &origins, setup, scan, &mut Vec::new()),
             (None, Some((found, is_shifted))) => {
-                self.is_shifted = *is_shifted;
+                (self.is_shifted, self.meets_target) = (*is_shifted, true);
                 *found
             }
             (None, None) => {
                 let found = self.origin(name, setup, scan, &mut Vec::new());
-                self.followed.insert((name, setup), (found, self.is_shifted));
+                self.followed.insert((name, setup), (found, self.is_shifted && self.meets_target));
                 found
             }
         };
         if found != Some(true) {
             scan.problem(at as usize, problem());
-        } else if self.is_shifted && scan.problems.len() == listed && !self.listed.contains(&name) {
+        } else if self.is_shifted && self.meets_target && scan.problems.len() == listed && !self.listed.contains(&name)
+        {
             scan.relative.push(at);
         }
     }
@@ -47,9 +48,11 @@ impl Names {
     /// settled.
     fn origin(&mut self, name: u64, setup: u32, scan: &mut Scan, seen: &mut Vec<(u64, bool)>) -> Option<bool> {
         if self.listed.contains(&name) {
+            self.meets_target = true;
             return Some(true);
         }
         if self.defines(name) {
+            self.meets_target = true;
             let before = scan.visits.len();
             for group in self.all(name).collect::<Vec<_>>() {
                 self.visit_group(group, setup, Way::Computed, 0, scan);
@@ -87,7 +90,6 @@ impl Names {
         let mut known = None;
         for origin in from {
             let Origin::Name { name: other, at } = origin else {
-                self.is_shifted |= matches!(origin, Origin::Here);
                 known = Some(true);
                 continue;
             };
@@ -127,14 +129,16 @@ impl Names {
         seen.push((name, true));
         for origin in from {
             let Origin::Name { name: other, at } = *origin else { continue };
-            let around = std::mem::replace(&mut self.is_shifted, !self.copied_at.contains(&at));
+            let around = (self.is_shifted, self.meets_target);
+            (self.is_shifted, self.meets_target) = (!self.copied_at.contains(&at), other == name);
             let is_known = other == name || self.origin(other, setup, scan, seen) == Some(true);
-            let is_shifted = std::mem::replace(&mut self.is_shifted, around);
+            let is_relative = self.is_shifted && self.meets_target;
+            (self.is_shifted, self.meets_target) = around;
             if !self.listed_at.insert(at) {
                 continue;
             }
             if is_known {
-                scan.relative.extend(is_shifted.then_some(at));
+                scan.relative.extend(is_relative.then_some(at));
             } else {
                 let what = "a place to which the arm moves is set here from data that the files do not give as numbers";
                 scan.problem(at as usize, what);
@@ -166,6 +170,9 @@ impl Names {
                 _ => continue,
             };
             if self.listed_at.insert(*at) {
+                if matches!(origin, Origin::Computed(_)) {
+                    scan.calculated_places.push(*at as usize);
+                }
                 scan.problem(*at as usize, what);
             }
         }

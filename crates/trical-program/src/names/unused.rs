@@ -58,15 +58,20 @@ enum Read {
     PassedOn,
 }
 
-/// Where the lines begin of which something is listed.
+/// Where the lines begin that calculate a place to which the arm moves.
 fn lines_listed(scan: &Scan, bytes: &[u8]) -> HashSet<usize> {
-    scan.problems.iter().map(|(at, _)| line_of(bytes, *at)).collect()
+    scan.calculated_places.iter().map(|at| line_of(bytes, *at)).collect()
 }
 
-/// Where the line of an offset begins.
+/// Where the line of an offset begins, or a long way before it in a line without an end.
 fn line_of(bytes: &[u8], at: usize) -> usize {
-    bytes.get(..at).and_then(|above| above.iter().rposition(|b| *b == b'\n')).map_or(0, |k| k + 1)
+    let near = at.saturating_sub(FARTHEST);
+    let above = bytes.get(near..at).unwrap_or(&[]);
+    above.iter().rposition(|b| matches!(b, b'\n' | b'\r')).map_or(near, |k| near + k + 1)
 }
+
+/// Bytes that are looked at for the beginning of a line.
+const FARTHEST: usize = 4000;
 
 /// Kinds of targets, before a name that is declared.
 const KINDS: [&[u8]; 7] = [b"robtarget", b"jointtarget", b"e6pos", b"pos", b"frame", b"e6axis", b"axis"];

@@ -503,12 +503,31 @@ fn targets_that_no_motion_names_need_a_tool_where_there_are_several() {
 }
 
 #[test]
+fn points_of_the_work_object_that_they_define_stay_as_they_are_and_those_of_a_calculated_place_do_not() {
+    let n = nominal(IRB);
+    let target = "[[350,50,320],[0,0.6,0.8,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]";
+    let text = format!(
+        "PERS wobjdata w:=[FALSE,TRUE,\"\",[[5,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\nCONST robtarget a:={target};\nCONST robtarget b:={target};\n\
+         CONST robtarget c:={target};\nw.uframe:=DefFrame(a,a,a);\nMoveL c,v1,fine,tool0\\WObj:=w;\nMoveL Above(b),v1,fine,tool0\\WObj:=w;\n"
+    );
+    let (_, report) = run(text.as_bytes(), Dialect::Rapid, &n, &real(&n), &Frames::default());
+    assert_eq!(report.rows.iter().map(|r| r.line).collect::<Vec<_>>(), [3, 4], "{report:?}");
+    assert_eq!(report.problems.iter().map(|p| p.line).collect::<Vec<_>>(), [5, 7], "{report:?}");
+}
+
+#[test]
 fn a_target_by_another_name_is_relative_to_nothing() {
     let rapid = "CONST robtarget a:=[[350,50,320],[0,0.6,0.8,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n\
         PROC main()\nb:=a;\nMoveL b,v1,fine,tool0;\nGo a;\nENDPROC\nPROC Go(robtarget p)\nMoveL p,v1,fine,tool0;\nENDPROC\n";
     let script = "a=p[-0.4,-0.3,0.4,1,2,0.5]\nb=a\nmovel(b)\ndef go(c):\nmovel(c)\nend\ngo(a)\n";
     for (text, shift, line, d, n) in [
-        (rapid, "PROC Near()\nc:=Offs(a,0,0,5);\nd:=c;\nMoveL d,v1,fine,tool0;\n", 13, Dialect::Rapid, nominal(IRB)),
+        (
+            rapid,
+            "PROC Near()\nh:=CRobT();\nh2:=Offs(h,0,0,5);\nMoveL h2,v1,fine,tool0;\nc:=Offs(a,0,0,5);\nd:=c;\nMoveL d,v1,fine,tool0;\n",
+            16,
+            Dialect::Rapid,
+            nominal(IRB),
+        ),
         (script, "e=pose_trans(a,p[0,0,0.01,0,0,0])\nf=e\nmovel(f)\n", 10, Dialect::UrScript, nominal(UR5E)),
     ] {
         let asked = |text: &str| {

@@ -83,9 +83,8 @@ pub struct Names {
     followed_on: HashSet<(u64, u32)>,
     /// Names with many definitions to any of which motions go: with which setups, and to which elements.
     met_any: HashSet<(u64, u32, Option<usize>)>,
-    /// What was found of names without data, and whether they are shifted against what they are set from, by the setups of the motions
-    /// that go there.
-    followed: HashMap<(u64, u32), (Option<bool>, bool)>,
+    /// What was found of names without data, by the setups of the motions that go there; behind it `is_shifted` and `meets_target`.
+    followed: HashMap<(u64, u32), (Option<bool>, bool, bool)>,
     /// Names whose data are in `Scan::problems` already.
     listed: HashSet<u64>,
     /// Names of data that look like targets and are none, unless a motion goes there.
@@ -513,7 +512,7 @@ impl Names {
                         self.list_computed(&origins, scan);
                         self.follow_sources(name, &origins, setup, scan, &mut Vec::new());
                     }
-                    origins if is_motion => self.goes_to_undefined(name, setup, at, origins, scan, &problem),
+                    origins if is_motion => self.goes_to_undefined(name, (setup, way), at, origins, scan, &problem),
                     _ => {}
                 }
                 continue;
@@ -533,7 +532,7 @@ impl Names {
                         self.sources(name, setup, scan, &mut Vec::new());
                     }
                 }
-                scan.relative.extend(self.changed.remove(&name).into_iter().flatten());
+                scan.relative.extend(self.changed.get_mut(&name).into_iter().flat_map(std::mem::take));
                 scan.relative.extend(matches!(way, Way::Computed).then_some(at));
             }
         }

@@ -568,7 +568,7 @@ fn set_register(
     let at = at as u32;
     let origin = match from.first() {
         // a shift against itself goes with it
-        Some((_, true, other)) if *other == digits => return,
+        Some((_, true, other)) if *other == digits => Origin::Name { name, at },
         _ if is_element => Origin::Computed(at),
         Some((_, true, other)) => {
             if from.len() == 1 {

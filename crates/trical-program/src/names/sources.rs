@@ -15,7 +15,7 @@ impl Names {
     pub(super) fn goes_to_undefined(
         &mut self,
         name: u64,
-        setup: u32,
+        (setup, way): (u32, Way),
         at: u32,
         origins: Option<Vec<Origin>>,
         scan: &mut Scan,
@@ -25,16 +25,17 @@ impl Names {
         (self.is_shifted, self.meets_target) = (false, false);
         let found = match (origins, self.followed.get(&(name, setup))) {
             (Some(origins), _) => self.follow(name, &origins, setup, scan, &mut Vec::new()),
-            (None, Some((found, is_shifted))) => {
-                (self.is_shifted, self.meets_target) = (*is_shifted, true);
+            (None, Some((found, is_shifted, meets_target))) => {
+                (self.is_shifted, self.meets_target) = (*is_shifted, *meets_target);
                 *found
             }
             (None, None) => {
                 let found = self.origin(name, setup, scan, &mut Vec::new());
-                self.followed.insert((name, setup), (found, self.is_shifted && self.meets_target));
+                self.followed.insert((name, setup), (found, self.is_shifted, self.meets_target));
                 found
             }
         };
+        self.is_shifted |= matches!(way, Way::Near(..) | Way::Computed);
         if found != Some(true) {
             scan.problem(at as usize, problem());
         } else if self.is_shifted && self.meets_target && scan.problems.len() == listed && !self.listed.contains(&name)
@@ -51,6 +52,7 @@ impl Names {
             self.meets_target = true;
             return Some(true);
         }
+        self.is_shifted |= self.changed.contains_key(&name);
         if self.defines(name) {
             self.meets_target = true;
             let before = scan.visits.len();
@@ -79,6 +81,7 @@ impl Names {
         seen: &mut Vec<(u64, bool)>,
     ) -> Option<bool> {
         self.list_computed(from, scan);
+        self.is_shifted |= self.changed.contains_key(&name);
         if from.is_empty() {
             scan.goes_elsewhere.insert((name, setup));
         }

@@ -520,22 +520,23 @@ fn a_target_by_another_name_is_relative_to_nothing() {
     let rapid = "CONST robtarget a:=[[350,50,320],[0,0.6,0.8,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n\
         PROC main()\nb:=a;\nMoveL b,v1,fine,tool0;\nGo a;\nENDPROC\nPROC Go(robtarget p)\nMoveL p,v1,fine,tool0;\nENDPROC\n";
     let script = "a=p[-0.4,-0.3,0.4,1,2,0.5]\nb=a\nmovel(b)\ndef go(c):\nmovel(c)\nend\ngo(a)\n";
-    for (text, shift, line, d, n) in [
+    for (text, shift, lines, d, n) in [
         (
             rapid,
-            "PROC Near()\nh:=CRobT();\nh2:=Offs(h,0,0,5);\nMoveL h2,v1,fine,tool0;\nc:=Offs(a,0,0,5);\nd:=c;\nMoveL d,v1,fine,tool0;\n",
-            16,
+            "PROC Near()\nh:=CRobT();\nh2:=Offs(h,0,0,5);\nMoveL h2,v1,fine,tool0;\nc:=Offs(a,0,0,5);\nd:=c;\nMoveL d,v1,fine,tool0;\nGo2 a;\n\
+             e:=a;\ne.trans.z:=e.trans.z+5;\nMoveL e,v1,fine,tool0;\nENDPROC\nPROC Go2(robtarget p)\nMoveL Offs(p,0,0,5),v1,fine,tool0;\n",
+            &[16, 20, 23][..],
             Dialect::Rapid,
             nominal(IRB),
         ),
-        (script, "e=pose_trans(a,p[0,0,0.01,0,0,0])\nf=e\nmovel(f)\n", 10, Dialect::UrScript, nominal(UR5E)),
+        (script, "e=pose_trans(a,p[0,0,0.01,0,0,0])\nf=e\nmovel(f)\n", &[10][..], Dialect::UrScript, nominal(UR5E)),
     ] {
         let asked = |text: &str| {
             let (_, report) = run(text.as_bytes(), d, &n, &real(&n), &Frames::default());
             assert!(report.problems.is_empty() && report.rewritten == 1, "{d:?}: {report:?}");
             report.relative.iter().map(|r| r.line).collect::<Vec<_>>()
         };
-        assert_eq!((asked(text), asked(&format!("{text}{shift}"))), (vec![], vec![line]), "{d:?}");
+        assert_eq!((asked(text), asked(&format!("{text}{shift}"))), (vec![], lines.to_vec()), "{d:?}");
     }
 }
 

@@ -610,6 +610,9 @@ fn an_arm_from_a_urdf_is_calibrated_and_handed_on() {
     place.good(&words("convert c.urdf#base_link:flange again.toml"));
     place.refuses(&["export", "--model", "m.toml", "--robot", "arm.toml", "--mdh", "out.txt"], &["out.txt", ".csv"]);
     place.refuses(&["export", "--model", "arm.toml", "--mdh", "out.toml"], &["arm.toml"]);
+    // nothing is written where not everything can be
+    place.refuses(&words("export --model m.toml --urdf first.urdf --mdh second"), &["second", ".csv"]);
+    assert!(!place.path("first.urdf").exists());
     assert_eq!(place.run(&["export", "--model", "m.toml"]).status.code(), Some(2));
 }
 

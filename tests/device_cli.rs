@@ -114,7 +114,11 @@ fn a_robot_is_pinged_read_and_jogged_with_go_only() {
     assert_ne!(joints()[1], 13.0);
     refused(&jog(&["--joint", "2", "--by-deg", "30", "--go"]), 2, "the limit is 5 deg (--max-deg)");
     refused(&jog(&["--joint", "2", "--by-deg", "300", "--max-deg", "400", "--go"]), 2, "outside its limits");
-    refused(&jog(&["--joint", "2", "--by-deg", "30", "--max-deg", "nan", "--go"]), 2, "the limit is NaN deg");
+    refused(
+        &jog(&["--joint", "2", "--by-deg", "30", "--max-deg", "nan", "--go"]),
+        2,
+        "expected more than 0 and up to 720",
+    );
     refused(&jog(&["--joint", "7", "--by-deg", "1", "--go"]), 2, "expected 1 to 6");
     refused(&jog(&["--tool-mm", "0,0,9", "--go"]), 2, "5 mm at most");
     refused(&place.run(&["robot", "ping", "--controller", "rapid://127.0.0.1:1"]), 2, "cannot connect");

@@ -91,6 +91,23 @@ fn visits_are_taken_from_a_topic_that_is_echoed_and_added_to_what_is_there() {
     assert_eq!(busy.status.code(), Some(2));
     assert!(errors(&busy).contains("another program is writing it"), "{}", errors(&busy));
     drop(other);
+    // a gripper's own messages are no arm, whichever comes first; what is no number is no joint
+    let gripper = "name:\n- finger\nposition:\n- 0.04\n---\n";
+    let writer = Writer::to(&place.path("joints.txt"), "", move |k| match k % 4 {
+        3 => echoed([0.1, 0.2, -0.3, 0.4, 0.5, -0.6]),
+        _ => gripper.to_owned(),
+    });
+    let both = place.record("joints.txt", "both.csv", &[""]);
+    drop(writer);
+    assert!(String::from_utf8_lossy(&both.stdout).contains("1 row added to both.csv"), "{}", errors(&both));
+    let writer = Writer::to(&place.path("joints.txt"), "", move |_| gripper.to_owned());
+    let alone = errors(&place.record("joints.txt", "alone.csv", &[""]));
+    drop(writer);
+    assert!(alone.contains("of 1 joint (finger)"), "{alone}");
+    let writer = Writer::to(&place.path("joints.txt"), "", |_| echoed([f64::NAN; 6]));
+    let not_numbers = errors(&place.record("joints.txt", "alone.csv", &[""]));
+    drop(writer);
+    assert!(not_numbers.contains("a message has no name and number for every joint"), "{not_numbers}");
     // what was taken reads as a recording
     place.good(&words("convert visits.csv visits.mcap --joints 6"));
 }
@@ -112,6 +129,13 @@ fn a_csv_may_begin_after_record_and_what_is_no_sample_is_told() {
     let told = errors(&place.record("late.csv", "visits.csv", &["", "q"]));
     drop(writer);
     assert!(told.contains("bytes came, but no whole sample; expected a CSV with a header"), "{told}");
+    for (line, expected) in [
+        ("q1_deg,q1_deg,q3_deg\n", "found column q1_deg twice"),
+        ("q1_deg,q2_deg\n", "one for each joint of the robot"),
+    ] {
+        std::fs::write(place.path("wrong.csv"), line).unwrap();
+        assert!(errors(&place.record("wrong.csv", "visits.csv", &["q"])).contains(expected), "{line}");
+    }
     // a device may be read for ever
     let refused = place.record("late.csv", "/dev/full", &["", "q"]);
     let told = errors(&refused);

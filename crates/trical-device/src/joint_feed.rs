@@ -82,6 +82,8 @@ pub struct JointFeed {
     columns: Option<Vec<(usize, f64)>>,
     /// The names of a message's joints, once one was seen, and where each joint of the arm stands among them.
     order: Option<(Vec<String>, Vec<usize>)>,
+    /// Why the last message that was not of the arm's joints is none.
+    others: Option<String>,
     notes: Vec<String>,
 }
 
@@ -93,7 +95,8 @@ impl JointFeed {
     pub fn open(path: &Path, robot: &Robot) -> Result<Self, FeedError> {
         let kinds: Vec<JointKind> = robot.joints.iter().map(|j| j.kind).collect();
         let names = robot.joint_names.clone();
-        let mut feed = Self { path: path.to_owned(), kinds, names, columns: None, order: None, notes: Vec::new() };
+        let mut feed =
+            Self { path: path.to_owned(), kinds, names, columns: None, order: None, others: None, notes: Vec::new() };
         feed.look_for_columns()?;
         Ok(feed)
     }
@@ -119,6 +122,12 @@ impl JointFeed {
                     Some((at, *factor))
                 })
             };
+            if let Some(twice) =
+                (1..names.len()).find(|k| names[*k].starts_with('q') && names[..*k].contains(&names[*k]))
+            {
+                let problem = format!("header: found column {} twice, expected it once", names[twice]);
+                return Err(FeedError::Wrong { path: path.to_owned(), problem });
+            }
             let all: Option<Vec<(usize, f64)>> = (0..self.kinds.len()).map(column).collect();
             let beyond = format!("q{}_", self.kinds.len() + 1);
             let all = all.filter(|_| !names.iter().any(|n| n.starts_with(&beyond)));
@@ -166,6 +175,11 @@ impl JointFeed {
             } else if started.elapsed() > WAIT {
                 let path = self.path.clone();
                 return Err(match bytes.len() {
+                    _ if self.order.is_none()
+                        && let Some(problem) = self.others.take() =>
+                    {
+                        FeedError::Wrong { path, problem }
+                    }
                     0 => FeedError::Silent { path, seconds: WAIT.as_secs_f64() },
                     bytes => FeedError::NoSample { path, bytes },
                 });
@@ -215,9 +229,10 @@ impl JointFeed {
         for message in whole {
             let (names, positions) = (list(message, "name"), list(message, "position"));
             let values: Option<Vec<f64>> = positions.iter().map(|p| p.parse().ok()).collect();
-            let Some(values) = values.filter(|v| !v.is_empty() && v.len() == names.len()) else {
+            let whole = |v: &Vec<f64>| !v.is_empty() && v.len() == names.len() && v.iter().all(|v| v.is_finite());
+            let Some(values) = values.filter(whole) else {
                 let problem =
-                    "a message has no name and position of every joint; expected what ros2 topic echo writes of a \
+                    "a message has no name and number for every joint; expected what ros2 topic echo writes of a \
                                sensor_msgs/msg/JointState"
                         .to_owned();
                 return Err(wrong(&self.path, problem));
@@ -225,13 +240,17 @@ impl JointFeed {
             // another order, or another publisher (a gripper) between
             if self.order.as_ref().is_none_or(|(of, _)| *of != names) {
                 let found = joint_order(&names, Expected { joints: Some(self.kinds.len()), names: &self.names });
-                // joints of the arm were seen before: this message has none of it, or not all
-                if found.is_err() && self.order.is_some() {
-                    continue;
+                match found {
+                    Ok((order, notes)) => {
+                        self.notes.extend(notes);
+                        self.order = Some((names, order));
+                    }
+                    // this message has no joint of the arm, or not all: others may
+                    Err(e) => {
+                        self.others = Some(e);
+                        continue;
+                    }
                 }
-                let (order, notes) = found.map_err(|e| wrong(&self.path, e))?;
-                self.notes.extend(notes);
-                self.order = Some((names, order));
             }
             let order = self.order.as_ref().map_or(&[][..], |(_, order)| order);
             out.push(order.iter().filter_map(|k| values.get(*k).copied()).collect());

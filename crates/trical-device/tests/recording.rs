@@ -357,6 +357,19 @@ fn a_link_beside_a_recording_is_not_followed() {
 }
 
 #[test]
+fn a_recording_begins_where_a_link_leads_to() {
+    let folder = tempfile::tempdir().unwrap();
+    let [link, target] = ["link.mcap", "run.mcap"].map(|name| folder.path().join(name));
+    std::os::unix::fs::symlink(&target, &link).unwrap();
+    RecordingWriter::create(&link, &header()).unwrap().finish().unwrap();
+    assert!(link.is_symlink() && read_recording(&target).is_ok());
+    // a folder that is not there, as of a disk that is not mounted
+    let away = folder.path().join("away.mcap");
+    std::os::unix::fs::symlink(folder.path().join("disk/run.mcap"), &away).unwrap();
+    assert!(RecordingWriter::create(&away, &header()).is_err() && away.is_symlink());
+}
+
+#[test]
 fn a_measurement_that_could_not_be_read_again_is_not_written() {
     let (_folder, path, _) = recorded(2);
     let (mut log, before) = RecordingWriter::resume(&path, &header()).unwrap();

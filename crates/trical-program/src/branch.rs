@@ -45,15 +45,18 @@ struct Parts {
     size: f64,
     /// Where number 0 begins, rad.
     begin: f64,
+    /// How far a joint may be beyond the part that the text names, rad.
+    slack: f64,
 }
-
-const QUADRANTS: Parts = Parts { size: FRAC_PI_2, begin: 0.0 };
-const TURNS: Parts = Parts { size: TAU, begin: -PI };
 
 /// A joint may be this far beyond a quadrant that the text names, rad: texts are rounded.
 const SLACK: f64 = 2e-3;
 /// Joints that change by less than this have not changed, rad.
 const SAME: f64 = 1e-6;
+
+const QUADRANTS: Parts = Parts { size: FRAC_PI_2, begin: 0.0, slack: SLACK };
+/// Of two values of a joint that are a turn apart one is within the part, and is meant.
+const TURNS: Parts = Parts { size: TAU, begin: -PI, slack: SAME };
 
 /// What tells the branches of a 6R arm apart.
 #[derive(Clone, Debug)]
@@ -216,7 +219,7 @@ impl Parts {
 
     /// Whether joints are elsewhere than in the parts that the text names.
     fn exclude(self, numbers: &[i16], q: &Joints) -> bool {
-        NAMED.iter().zip(numbers).any(|(j, n)| self.outside(q[*j], *n) > SLACK)
+        NAMED.iter().zip(numbers).any(|(j, n)| self.outside(q[*j], *n) > self.slack)
     }
 
     /// The new numbers of joints that leave their parts.

@@ -59,34 +59,33 @@ pub fn run(args: &Args) -> Result<()> {
         file.require_robot(&Robot::load(robot)?, &args.model.display().to_string())?;
     }
     let arm = Export::of(&file.model)?;
-    let mut written = Vec::new();
     let given = args.robot.as_deref().filter(|_| args.urdf.is_some()).and_then(UrdfPath::of);
+    // all of them, before the first is written
+    let mut outputs: Vec<(&PathBuf, String)> = Vec::new();
     if let Some(out) = &args.urdf {
         let text = match &given {
             Some(given) => corrected_file(given, &file.model)?,
             None => arm.urdf(&args.model.display().to_string()),
         };
-        write_whole(out, text.as_bytes())?;
-        written.push(out.display().to_string());
+        outputs.push((out, text));
     }
     if let Some(out) = &args.ur_kinematics {
         let source = args.model.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
         let hash = format!("calib_{}", source.chars().map(plain).collect::<String>());
-        write_whole(out, ur_kinematics(&file.model, &hash)?.as_bytes())?;
-        written.push(out.display().to_string());
+        outputs.push((out, ur_kinematics(&file.model, &hash)?));
     }
     if let Some(out) = &args.mdh {
-        write_whole(out, arm.table(out)?.as_bytes())?;
-        written.push(out.display().to_string());
+        outputs.push((out, arm.table(out)?));
     }
     let mut map = None;
     if let Some(out) = &args.error_map {
         let errors = ErrorMap::of(&file.model, args.poses as usize)?;
-        write_whole(out, errors.csv().as_bytes())?;
-        written.push(out.display().to_string());
+        outputs.push((out, errors.csv()));
         map = Some(errors.summary());
     }
+    outputs.iter().try_for_each(|(out, text)| write_whole(out, text.as_bytes()))?;
+    let written: Vec<String> = outputs.iter().map(|(out, _)| out.display().to_string()).collect();
     if args.json {
         let mut summary = arm.json(&written);
         summary["error_map"] = json!(map);

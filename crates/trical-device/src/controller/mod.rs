@@ -374,6 +374,9 @@ pub(crate) fn confirmed_stop(controller: &mut dyn Controller) -> ControllerError
 pub(crate) fn connected(address: &str, timeout: Duration, read: Duration) -> Result<TcpStream, ControllerError> {
     let failed = |reason: String| ControllerError::Connect { address: address.to_owned(), reason };
     let mut last = "the name has no address".to_owned();
+    if let Some((_, port)) = address.rsplit_once(':').filter(|(_, port)| port.parse::<u16>().is_err()) {
+        return Err(failed(format!("found port {port:?}, expected 1 to 65535")));
+    }
     for target in address.to_socket_addrs().map_err(|error| failed(error.to_string()))? {
         match TcpStream::connect_timeout(&target, timeout) {
             Ok(stream) => {
@@ -422,8 +425,14 @@ pub fn open_controller(url: &str) -> Result<Box<dyn Controller>, ControllerError
     }
 }
 
+/// A host that says no port with its usual one.
 fn with_port(place: &str, port: u16) -> String {
-    if place.contains(':') { place.to_owned() } else { format!("{place}:{port}") }
+    if says_port(place) { place.to_owned() } else { format!("{place}:{port}") }
+}
+
+/// Whether a port stands behind a host; an address of IPv6 is in brackets.
+fn says_port(place: &str) -> bool {
+    place.rsplit_once(']').map_or(place, |(_, behind)| behind).contains(':')
 }
 
 fn seconds(url: &mut DeviceUrl, key: &str, default: Duration) -> Result<Duration, UrlError> {
@@ -507,7 +516,7 @@ fn ur_settings(url: &mut DeviceUrl) -> Result<UrSettings, UrlError> {
         settle: settle(url)?,
     };
     url.finish("timeout_s, move_timeout_s, settle_ms, max_correction_mm, rtde_port, script_port")?;
-    if url.place.contains(':') {
+    if says_port(&url.place) {
         return Err(url.error("a port behind the host; expected rtde_port= and script_port="));
     }
     Ok(settings)
@@ -587,6 +596,17 @@ mod tests {
         assert!(says("rapid://host?secret=short").contains("8 to 40 letters and digits"));
         assert!(says("rapid://host?speed=1").contains("unknown option \"speed\""));
         assert!(says("rapid://127.0.0.1:1").contains("cannot connect"));
+        assert!(says("rapid://127.0.0.1:99999").contains("found port \"99999\", expected 1 to 65535"));
         assert!(says("rapid://").contains("nothing between"));
+        assert!(
+            says("ur://[::1]:30002").contains("a port behind the host") && says("ur://10.0.0.1:2").contains("a port")
+        );
+    }
+
+    #[test]
+    fn an_address_of_ipv6_has_its_port_behind_the_brackets() {
+        for (place, full) in [("a", "a:7"), ("a:1", "a:1"), ("[::1]", "[::1]:7"), ("[::1]:1", "[::1]:1")] {
+            assert_eq!(with_port(place, 7), full);
+        }
     }
 }

@@ -49,6 +49,8 @@ pub enum Jog {
 
 /// Farthest that the tool is jogged along one of its axes, m.
 pub const FAR_TOOL: f64 = 5e-3;
+/// Farthest that a joint may be jogged, whatever is asked for, deg (mm of one that slides).
+pub const FAR_JOINT: f64 = 720.0;
 /// Fastest that it is jogged, m/s.
 pub const FAST: f64 = 0.25;
 
@@ -93,6 +95,9 @@ pub enum JogError {
         /// deg or mm.
         unit: &'static str,
     },
+    /// What a motion may be at most makes no sense.
+    #[error("no joint is to go farther than {0}; expected more than 0 and up to 720")]
+    Most(f64),
     /// The tool would go far.
     #[error("found {0:?}, expected three numbers of 5 mm at most")]
     FarTool([f64; 3]),
@@ -152,10 +157,13 @@ impl Jog {
                 }
             }
         }
+        let limit = trical_model::robot::tidy(most.to_degrees());
+        if !(limit > 0.0 && limit <= FAR_JOINT) {
+            return Err(JogError::Most(limit));
+        }
         for (k, (a, b)) in from.iter().zip(&to).enumerate() {
             let (si, unit) = shown_in(robot, k);
             let by = (b - a) / si;
-            let limit = trical_model::robot::tidy(most.to_degrees());
             if !(-limit..=limit).contains(&by) {
                 return Err(JogError::Far { joint: k + 1, by, limit, unit });
             }
@@ -219,5 +227,9 @@ mod tests {
         assert_eq!(says(5e-3, 0.0), "0.005");
         assert_eq!(says(-5e-3, 0.0), "joint 1 would go to -5.000 mm, outside its limits 0.0 to 100.0 mm");
         assert_eq!(says(6e-3, 0.0), "joint 1 would go 6.000 mm, the limit is 5 mm");
+        for most in [f64::INFINITY, f64::NAN, 0.0, 20.0] {
+            let refused = Jog::Joint(1, 0.1).target(&Joints::default(), 6, most, None).unwrap_err().to_string();
+            assert!(refused.contains("expected more than 0 and up to 720"), "{refused}");
+        }
     }
 }

@@ -4,6 +4,7 @@ mod corrections;
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
 
 use trical_model::recording::{Joints, Measured, Row, State};
 
@@ -27,8 +28,14 @@ const TEMPERATURES: std::ops::RangeInclusive<f64> = -100.0..=200.0;
 
 /// Times of a controller that stand in another order than they were asked for, s: no jump yet.
 const CLOCK_SLACK_S: f64 = 1.0;
-/// A clock that goes on by more than a day from one step to the next has jumped.
-const LONGEST_STEP_S: f64 = 86_400.0;
+/// A clock that goes on by more than an hour from one step to the next, and by more than so many times what this computer's clock does, has
+/// jumped.
+const LONGEST_STEP_S: f64 = 3600.0;
+const LONGEST_STEP: f64 = 10.0;
+/// A clock that shows the same for so long stands still, s.
+const STANDING_CLOCK_S: f64 = 10.0;
+/// So many jumps are told.
+const TOLD_JUMPS: usize = 3;
 
 /// Drives through a plan; every accepted touch is in the log before the arm leaves it.
 ///
@@ -60,6 +67,9 @@ pub fn run(
         progress,
         motion: MotionSense::new(options.dead_band),
         clock_offset: 0.0,
+        clock_shown: (f64::NAN, Instant::now()),
+        clock_jumps: 0,
+        clock_stands: false,
         t: options.begin_t,
         at: [0.0; trical_model::recording::MAX_JOINTS],
         trail: Vec::new(),
@@ -120,6 +130,11 @@ struct Runner<'a, 'o> {
     motion: MotionSense,
     /// What is added to the controller's clock to get the recording's time.
     clock_offset: f64,
+    /// What that clock showed when it last changed, and when that was.
+    clock_shown: (f64, Instant),
+    /// How often it has jumped, and whether it stood still.
+    clock_jumps: usize,
+    clock_stands: bool,
     /// The last time of the recording, s.
     t: f64,
     /// Where the arm stands.
@@ -405,7 +420,7 @@ impl Runner<'_, '_> {
             self.no_temperature = true;
             let controller = self.controller.name();
             self.warn(format!(
-                "robot controller {controller}: reports a temperature of {found} degC, which is not recorded; expected {} to {}",
+                "robot controller {controller}: reports a temperature of {found:?} degC, which is not recorded; expected {} to {}",
                 TEMPERATURES.start(),
                 TEMPERATURES.end()
             ));
@@ -555,13 +570,28 @@ impl Runner<'_, '_> {
 
     /// By the controller's clock, but without its jumps: the times of a recording never go back, and stay readable.
     fn on_recording(&mut self, clock: f64) -> f64 {
-        let t = clock + self.clock_offset;
-        if !(self.t - CLOCK_SLACK_S..=self.t + LONGEST_STEP_S).contains(&t) {
-            self.clock_offset = self.t - clock;
+        let here = self.clock_shown.1.elapsed().as_secs_f64();
+        if clock != self.clock_shown.0 {
+            self.clock_shown = (clock, Instant::now());
+        } else if here > STANDING_CLOCK_S && !self.clock_stands {
+            self.clock_stands = true;
             self.warn(format!(
-                "the controller's clock has jumped by {:.3e} s; the times of the recording go on without the jump",
-                t - self.t
+                "the controller's clock stands still at {clock:?} s; the times of the recording do, too: what changes with time cannot be seen in it"
             ));
+        }
+        let t = clock + self.clock_offset;
+        let longest = LONGEST_STEP_S.max(LONGEST_STEP * here);
+        if !(self.t - CLOCK_SLACK_S..=self.t + longest).contains(&t) {
+            self.clock_offset = self.t - clock;
+            self.clock_jumps += 1;
+            let again =
+                if self.clock_jumps == TOLD_JUMPS { "; further jumps are not told: does it show seconds?" } else { "" };
+            if self.clock_jumps <= TOLD_JUMPS {
+                self.warn(format!(
+                    "the controller's clock has jumped by {:.3e} s; the times of the recording go on without the jump{again}",
+                    t - self.t
+                ));
+            }
             return self.t;
         }
         self.t = self.t.max(t);

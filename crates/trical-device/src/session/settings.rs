@@ -64,6 +64,7 @@ impl Settings {
             ("speed at a ball", self.touch_speed, 1e-4, 0.25, "mm/s", 1e3),
             ("longest correction", self.max_correction, 1e-5, 0.05, "mm", 1e3),
             ("longest sum of corrections", self.max_sum, 1e-5, 0.1, "mm", 1e3),
+            ("most that a touch is corrected", self.max_corrections as f64, 1.0, 1e3, "times", 1.0),
             ("lower end of the stroke", low, -0.1, 0.0, "mm", 1e3),
             ("upper end of the stroke", high, 0.0, 0.1, "mm", 1e3),
             ("temperature", self.temp_c.unwrap_or(20.0), -100.0, 200.0, "degC", 1.0),

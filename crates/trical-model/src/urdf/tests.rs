@@ -329,6 +329,7 @@ fn every_broken_urdf_gets_a_sentence_of_its_own() {
         ("lower='-1' upper='1'", "lower='1' upper='1'", &["line 7", "j1", "lower 1 and upper 1"]),
         ("xyz='0 0 0.3' rpy", "xyz='0 nan 0.3' rpy", &["line 6", "j1", "'nan'"]),
         ("xyz='0 0 0.3' rpy", "xyz='0 300 0.3' rpy", &["line 6", "j1", "'300'", "100 m"]),
+        ("rpy='0 0 0'", "rpy='0 30 0'", &["line 6", "j1", "rpy: found '30'", "12.6 rad"]),
         ("xyz='0 0 0.3' rpy", "xyz='0 0.3' rpy", &["line 6", "j1", "'0 0.3'", "three numbers"]),
         ("<axis xyz='0 0 1'/>", "<axis xyz='0 0 0'/>", &["line 6", "j1", "no length"]),
         ("type='prismatic'", "type='floating'", &["line 9", "j2", "floating"]),

@@ -18,6 +18,8 @@ type V3 = nalgebra::Vector3<f64>;
 const LARGEST: usize = 20_000_000;
 const MOST_LINKS: usize = 10_000;
 const DEEPEST: usize = 100;
+/// Two turns: no file needs more, and 30 deg are beyond it.
+const FARTHEST_TURN: f64 = 12.6;
 
 /// Mass and centre of gravity in the link's frame.
 #[derive(Clone, Copy, Debug, Default)]
@@ -126,12 +128,12 @@ impl Element<'_> {
         Ok(Some(V3::new(one(x)?, one(y)?, one(z)?)))
     }
 
-    /// `xyz` in m and `rpy` in rad: `R = Rz(yaw) Ry(pitch) Rx(roll)`.
+    /// `xyz` in m and `rpy` in rad (right angles in deg are beyond what is taken): `R = Rz(yaw) Ry(pitch) Rx(roll)`.
     fn origin(&self) -> Result<Pose> {
         if self.get("quat_xyzw")?.is_some() {
             return Err(self.error("<origin> quat_xyzw is not understood, expected rpy"));
         }
-        let rpy = self.three("rpy", 1e3, "rad")?.unwrap_or_default();
+        let rpy = self.three("rpy", FARTHEST_TURN, "rad")?.unwrap_or_default();
         Ok(Pose {
             rotation: rotation_zyx(rpy.z, rpy.y, rpy.x),
             translation: self.three("xyz", 100.0, "m")?.unwrap_or_default(),

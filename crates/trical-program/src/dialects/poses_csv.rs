@@ -102,6 +102,13 @@ impl Columns {
             }
             [_, _, _, 0] => {
                 let found = shortened(&names.iter().take(12).cloned().collect::<Vec<_>>().join(","), 200);
+                if let Some((_, by)) =
+                    [(';', "semicolons"), ('\t', "tabs")].iter().find(|(c, _)| names.len() == 1 && found.contains(*c))
+                {
+                    return Err(format!(
+                        "header: found {found}, separated by {by}; expected commas, and points as decimal marks"
+                    ));
+                }
                 return Err(format!("header: found {found}, expected {EXPECTED}"));
             }
             _ => {

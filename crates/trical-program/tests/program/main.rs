@@ -466,7 +466,7 @@ fn listing(n: &Model, q: &[f64; 6], turns: &str) -> String {
 fn turns_of_a_fanuc_are_read_and_rewritten_where_a_joint_crosses_them() {
     let n = nominal(LR);
     let mut crossed = 0;
-    for (q6, turn) in [(190.0, 1), (-170.0, 0), (179.99999, 0), (-179.99999, 0)] {
+    for (q6, turn) in [(190.0, 1), (-170.0, 0), (179.99999, 0), (-179.99999, 0), (179.95, 0), (-179.95, 0)] {
         let q = [10.0, 12.0, -8.0, 20.0, -50.0, q6];
         let text = listing(&n, &q, &format!("0, 0, {turn}"));
         let (out, report) = run(text.as_bytes(), Dialect::Fanuc, &n, &real(&n), &Frames::default());
@@ -477,7 +477,8 @@ fn turns_of_a_fanuc_are_read_and_rewritten_where_a_joint_crosses_them() {
         let out = String::from_utf8(out).unwrap();
         assert!(out.contains(&format!("'N U T, 0, 0, {now}'")), "{q6}: {reached}\n{out}");
     }
-    assert_eq!(crossed, 1);
+    // from both places below half a turn
+    assert_eq!(crossed, 2);
 }
 
 #[test]
@@ -771,6 +772,8 @@ fn a_table_in_other_units_and_with_angles_is_the_same_table() {
     );
     let twice = refused(b"x_mm,y_mm,z_mm,qw,qx,qy,qz,roll_deg,pitch_deg,yaw_deg\n", Dialect::Csv);
     assert!(twice.contains("twice"), "{twice}");
+    let by_tabs = refused(b"x_mm\ty_mm\tz_mm\n1\t2\t3\n", Dialect::Csv);
+    assert!(by_tabs.contains("separated by tabs; expected commas"), "{by_tabs}");
     for (header, words) in
         [("x_mm,y_mm,z_mm,qw,qx,qy,qz,x_m,y_m,z_m\n", "x_mm and x_m"), ("q1_deg,q2_deg,q1_deg\n", "q1_deg and q1_deg")]
     {

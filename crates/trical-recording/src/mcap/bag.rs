@@ -314,8 +314,9 @@ fn order_of(names: &[String], known: KnownJoints<'_>) -> Result<(Vec<usize>, Vec
         return said((0..names.len()).collect(), "in the order of the message");
     }
     Err(format!(
-        "its joint states are of {} joints ({}){}; expected as many as the arm has, names that are numbered, or a /robot_description",
+        "its joint states are of {} joint{} ({}){}; expected as many as the arm has, names that are numbered, or a /robot_description",
         names.len(),
+        if names.len() == 1 { "" } else { "s" },
         names.join(", "),
         joints.map_or(String::new(), |j| format!(", and the robot has {j}"))
     ))

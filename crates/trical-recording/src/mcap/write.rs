@@ -145,6 +145,7 @@ impl RecordingWriter {
     /// # Errors
     /// The file exists or cannot be written.
     pub fn create(path: &Path, header: &Header) -> Result<Self, RecordError> {
+        let path = &behind_links(path).map_err(RecordError::io(path, "follow the links"))?;
         let exists = || RecordError::Exists { path: path.to_owned() };
         lock_existing(path)?.map_or(Ok(()), |_| Err(exists()))?;
         if path.exists() {
@@ -182,15 +183,12 @@ impl RecordingWriter {
         Ok((writer, Some(read)))
     }
 
-    /// Begins in a file beside, which takes the name once its head is whole.
+    /// Begins in a file beside, which takes the name once its head is whole; nothing is left of one that could not be written.
     fn begin(path: &Path, header: &Header, before: Option<&RawFile>) -> Result<Self, RecordError> {
         let shared = Shared { prismatic: header.prismatic, ..Shared::for_joints(header.joint_names.len()) };
         let mut writer = Self::begin_beside(path, header, shared, before)?;
-        if let Some(raw) = before {
-            writer.copy(raw)?;
-        }
-        writer.sync()?;
-        publish(path)?;
+        let whole = before.map_or(Ok(()), |raw| writer.copy(raw)).and_then(|()| writer.sync());
+        whole.and_then(|()| publish(path)).inspect_err(|_| drop(std::fs::remove_file(temporary_beside(path))))?;
         Ok(writer)
     }
 

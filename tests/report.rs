@@ -201,7 +201,7 @@ fn identification_and_validation_are_reported_to_the_person_who_signs() {
     // how it does elsewhere is scored without being asked for, and the worst of it told; 32 parameters are many for 45 poses
     let ways = json["held_out"].as_object().unwrap().values().filter_map(|e| e["mean_mm"].as_f64());
     let worst = format!("{:.3}", ways.fold(0.0, f64::max));
-    assert!(said.contains("did not use (") && said.contains(&format!(") it is {worst}")), "{worst}: {said}");
+    assert!(said.contains("did not see (") && said.contains(&format!(") it is {worst}")), "{worst}: {said}");
     let blocks = json["blocks"].as_u64().unwrap();
     let many = format!("32 parameters were determined from {blocks} independent poses of the arm (45 measured)");
     assert!(said.contains("Check one point before signing") && html.contains(&many), "{said}");

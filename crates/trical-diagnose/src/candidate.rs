@@ -21,6 +21,12 @@ impl Physical {
         Self(Some(Arc::new(holds)))
     }
 
+    /// Whether nothing is said.
+    #[must_use]
+    pub fn allows_anything(&self) -> bool {
+        self.0.is_none()
+    }
+
     /// Whether they are possible.
     #[must_use]
     pub fn allows(&self, coefficients: &[f64]) -> bool {

@@ -74,6 +74,9 @@ pub struct Finding {
     /// The session (from 1) in whose course it happened, where there are several.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub session: Option<u32>,
+    /// Whether it is how two sessions differ: in which of them it is nobody knows.
+    #[serde(skip)]
+    pub between_two: bool,
     /// Probability that effect and site are right.
     pub confidence: f64,
     /// Probability that the place is right.

@@ -139,6 +139,7 @@ pub(crate) fn finding(
         family: described.family,
         scope,
         session: None,
+        between_two: false,
         confidence: 0.0,
         place_confidence: 0.0,
         family_confidence: 0.0,

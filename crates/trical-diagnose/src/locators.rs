@@ -244,7 +244,8 @@ pub fn describe<'a>(
         .collect();
     let n = name(variable);
     let region = match first.terms.as_slice() {
-        [one] => match one.basis.shape {
+        // what others add to it moves its ends
+        [one] if terms.len() <= 1 => match one.basis.shape {
             Shape::Step { at } => {
                 let below = values.iter().filter(|v| **v < at).count();
                 let sign = if 2 * below <= values.len() { "<" } else { ">" };

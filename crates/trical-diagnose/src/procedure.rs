@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use trical_ident::HeldOut;
-use trical_ident::caution::{EVEN_MASSES, cautions, listed, too_many, without_masses};
+use trical_ident::caution::{EVEN_MASSES, cautions, listed, shared_errors, too_many, without_masses};
 use trical_ident::dataset::Dataset;
 use trical_ident::date::newest;
 use trical_ident::error::Result;
@@ -17,7 +17,7 @@ use trical_model::{Cell, Forward, Model, Place, Robot, Task, Term};
 
 use crate::candidate::Candidate;
 use crate::catalogue::Untestable;
-use crate::diagnosis::{Baseline, Blind, Diagnosis, Final, Finding, Grounds, Unexplained};
+use crate::diagnosis::{Baseline, Blind, Diagnosis, Final, Finding, Grounds, Rival, Unexplained};
 use crate::effect_id::{Cause, EffectId};
 use crate::findings::{
     Group, Proof, add_probe_results, blind, finding, grouped, lack_of_fit, noise_of, ordered, remaining_lack_of_fit,
@@ -32,7 +32,9 @@ use crate::phases;
 use crate::probability::{Alternative, Says, Shares, probabilities, shares};
 use crate::rounds::{BASELINE, Rounds, is_parameter_of_arm};
 use crate::selection::Search;
-use crate::settings::{ALTERNATIVES, BEYOND_READINGS, DOUBTED_BELOW, UNNAMED_PRICE_NATS};
+use crate::settings::{
+    ALTERNATIVES, ANGLES_FOR_CURVES, BEYOND_READINGS, DOUBTED_BELOW, SAME_ANGLE, UNNAMED_PRICE_NATS,
+};
 use crate::specification_test::{Probes, SpecificationTest, doubt_by_rest};
 use crate::statistics::odds_outside_catalogue;
 use crate::verdict;
@@ -123,6 +125,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
             .chain(rounds.hardly_determined.iter().cloned())
             .chain(unsearched.as_ref().map(ToString::to_string))
             .chain(too_many(effective, arm_parameters(&fitted.model), folds))
+            .chain(shared_errors(fitted.design_effect))
             .chain(rounds.correlation.caution())
             .chain(rounds.readings.map(|r| read_several_times(r, rounds.touch_sigma())))
             .chain(another_zero(&grounds, &kept.names))
@@ -180,13 +183,19 @@ fn another_zero(grounds: &[(Vec<Candidate>, Vec<Candidate>)], names: &[String]) 
         Some(_) => return None,
         None => {}
     }
+    let dates =
+        "by dates in the names of the recordings (as in cell-2026-11-22.csv): the model then has the arm as it is now";
+    if let [one, other] = names {
+        return Some(format!(
+            "joint {joint} has another zero in {one} than in {other}, and two sessions cannot show which of them differs: the model has the middle of \
+             both, and may be off by half of that. Say which is the newest {dates}"
+        ));
+    }
     let odd = listed(&all.iter().map(|k| names[*k].clone()).collect::<Vec<_>>(), "and");
     let others = if names.len() == all.len() + 1 { "other" } else { "others" };
-    let which = if names.len() == 2 { "; two sessions cannot show which of them differs" } else { "" };
     let now = &names[first];
     Some(format!(
-        "joint {joint} has another zero in {odd} than in the {others}{which}; the model has that of the {others}. Where {now} is the newest, say so by \
-         dates in the names of the recordings (as in cell-2026-11-22.csv): the model then has the arm as it is now"
+        "joint {joint} has another zero in {odd} than in the {others}; the model has that of the {others}. Where {now} is the newest, say so {dates}"
     ))
 }
 
@@ -320,13 +329,27 @@ impl<'a> Proving<'a> {
                 let members: Vec<&Candidate> = group.members.iter().map(|m| &candidates[*m]).collect();
                 f.replicated = self.halves.found(&members, &fitted.model.terms);
                 let shares = self.shares(group, effect, &others, &state);
-                let probability = probabilities(&shares, &f.replicated, named);
+                let mut probability = probabilities(&shares, &f.replicated, named);
+                if let Some((joint, angles)) = few_angles(&candidates[group.members[0]], kept) {
+                    // at few angles each of these says what the others say, in halves too
+                    probability.effect = probability.effect.min(probability.family / CURVES_OF_ANGLE.len() as f64);
+                    for other in CURVES_OF_ANGLE.into_iter().filter(|id| *id != effect) {
+                        if f.rivals.iter().all(|r| (r.effect, r.site) != (other, f.site)) {
+                            f.rivals.push(Rival { effect: other, site: f.site, delta_bic: 0.0 });
+                        }
+                    }
+                    f.located += &format!(
+                        "; joint {joint} was at {angles} angles only, which cannot tell one curve of its angle from another"
+                    );
+                }
                 let round = |p: f64| (p * 1e4).round() / 1e4;
                 f.place_confidence = round(probability.place);
                 f.family_confidence = round(probability.family);
                 f.confidence = round(probability.effect);
                 f.share = round(share.max(0.0));
-                f.session = candidates[group.members[0]].session().filter(|_| kept.names.len() > 1);
+                let first = &candidates[group.members[0]];
+                f.session = first.session().filter(|_| kept.names.len() > 1);
+                f.between_two = kept.names.len() == 2 && first.is_of_whole_session();
                 f.summary = verdict::summary(&f);
                 if f.confidence <= DOUBTED_BELOW {
                     found.doubted.extend(&group.members);
@@ -484,6 +507,17 @@ impl<'a> Proving<'a> {
         all.extend(untestable);
         all
     }
+}
+
+/// Effects that are curves of a joint's own angle.
+const CURVES_OF_ANGLE: [EffectId; 3] = [EffectId::GearRipple, EffectId::JointHarmonic, EffectId::EncoderError];
+
+/// The joint of which something is a curve of its own angle, and how many different angles it was at, where they are too few to tell which.
+fn few_angles(c: &Candidate, data: &Dataset) -> Option<(usize, usize)> {
+    let joint = c.site.joint().filter(|_| c.cause.effect().is_some_and(|id| CURVES_OF_ANGLE.contains(&id)))?;
+    let angles = sorted(&data.observations.iter().map(|o| o.state.q[joint - 1]).collect::<Vec<f64>>());
+    let different = 1 + angles.windows(2).filter(|w| w[1] - w[0] > SAME_ANGLE).count();
+    (different < ANGLES_FOR_CURVES).then_some((joint, different))
 }
 
 /// What was chosen without a name at the place of a finding and over a variable of its own.

@@ -2,7 +2,7 @@
 //! pair and swap check, backward elimination.
 
 use crate::candidate::Candidate;
-use crate::effect_id::Cause;
+use crate::effect_id::{Cause, EffectId};
 use crate::linear::{Design, Downdate, Downdated, RegressionState};
 use crate::settings::{
     EVIDENCE_NATS, IDLE_NATS, LEANER_FOR_CURVES, LEANER_TRIED, MERGED_AMONG, MOST_EFFECTS, PAIR_SHORTLIST,
@@ -99,12 +99,28 @@ impl<'a> Search<'a> {
         let n = self.freedom(state);
         let share = (gain.dss / state.ss).min(1.0 - 1e-12);
         let evidence = -0.5 * n * (1.0 - share).ln() - gain.occam + self.candidates[candidate].log_prior;
+        let evidence = evidence + self.scaled_noise(state, candidate);
         Some(Ranked { candidate, evidence, dss: gain.dss, rank: gain.rank })
+    }
+
+    /// What else changes with the gain `g` of an indicator, nats: its readings have the noise of the residuals, which is `1 + g` times as large with
+    /// it. Without this the best of gains would be those that make readings small.
+    fn scaled_noise(&self, state: &RegressionState, candidate: usize) -> f64 {
+        if !self.scales_noise(candidate) {
+            return 0.0;
+        }
+        let gain = self.design.coefficients(state, candidate).first().copied().unwrap_or(0.0);
+        let readings = self.design.rows as f64 / 3.0 * self.temper;
+        readings * gain.clamp(-0.5, 0.5).ln_1p()
+    }
+
+    fn scales_noise(&self, candidate: usize) -> bool {
+        self.candidates[candidate].cause == EffectId::IndicatorGain.into()
     }
 
     fn plausible(&self, state: &RegressionState, candidate: usize) -> bool {
         let own = &self.candidates[candidate];
-        if own.signs.iter().all(|s| *s == 0) && own.terms.len() == 1 {
+        if own.signs.iter().all(|s| *s == 0) && own.terms.len() == 1 && own.physical.allows_anything() {
             return true;
         }
         let c = self.design.coefficients(state, candidate);
@@ -136,7 +152,7 @@ impl<'a> Search<'a> {
             .into_par_iter()
             .with_min_len(256)
             .filter(|c| !self.banned[*c])
-            .filter_map(|c| self.evidence_of(state, c, least_dss))
+            .filter_map(|c| self.evidence_of(state, c, if self.scales_noise(c) { 0.0 } else { least_dss }))
             .collect();
         let order = |a: &Ranked, b: &Ranked| {
             whole(b.evidence).total_cmp(&whole(a.evidence)).then(a.candidate.cmp(&b.candidate))
@@ -579,7 +595,6 @@ mod tests {
     use trical_model::{Basis, Shape, Term, Variable};
 
     use super::*;
-    use crate::effect_id::EffectId;
     use crate::test_data::{off, with_joint_2};
 
     const CYCLES: [(usize, f64); 5] = [(2, 9.0), (2, 14.0), (2, 14.3), (3, 23.0), (2, 40.0)];

@@ -141,8 +141,20 @@ pub const CURVES_ASKED: usize = 3;
 /// Neighbours of a gear's number and of its multiples, this near in cycles a turn, are the same line, modulated.
 pub const GEAR_SIDEBANDS: f64 = 2.0;
 
+/// Numbers below this are no gear's, where there is no curve of an encoder beside them: few wheels have fewer teeth.
+pub const FEWEST_TEETH: f64 = 10.0;
+
+/// A joint has its gear's number and perhaps that of another stage: so many lines of no one gear are an encoder's.
+pub const LINES_OF_NO_GEAR: usize = 3;
+
+/// Of a small number they are nearer, as a share of it: else too many lines would be its neighbours.
+pub const GEAR_SIDEBANDS_SHARE: f64 = 0.06;
+
 /// The strongest line of a gear is at its number or at a multiple up to this.
 pub const GEAR_MULTIPLES: u32 = 2;
+
+/// The same where its number may be small.
+pub const GEAR_MULTIPLES_OF_FEW: u32 = 4;
 
 /// The smallest number of a gear whose lines are told from an encoder's waves: of smaller ones too many lines are multiples by chance.
 pub const SMALLEST_GEAR: f64 = 50.0;
@@ -261,6 +273,13 @@ pub const LAST_PERCENT: usize = 25;
 
 /// Draws of the Bayesian bootstrap over blocks of poses: shares are then known to 3 %.
 pub const BOOTSTRAP_DRAWS: usize = 400;
+
+/// Angles of a joint that are nearer to each other are the same, rad: programs come back to them, and the arm stands where it can.
+pub const SAME_ANGLE: f64 = 0.2 * std::f64::consts::PI / 180.0;
+
+/// At fewer different angles any curve of a joint's own angle looks like many others: zero and ratio take up two of them, a wave two more, and of
+/// hundreds of numbers of cycles some pass through the rest.
+pub const ANGLES_FOR_CURVES: usize = 12;
 
 /// Alternatives that are set against a finding, beside what has no name at its place and nothing.
 pub const ALTERNATIVES: usize = 8;

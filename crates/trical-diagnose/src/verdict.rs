@@ -5,8 +5,8 @@ use trical_model::{Place, Robot};
 use crate::diagnosis::{Finding, RowKind, Unexplained, Verdict, VerdictRow};
 use crate::effect_id::{EffectId, UNEXPLAINED};
 use crate::effects::Family;
-use crate::words::{numbered, percents, period, small, variables};
-pub use crate::words::{region, variable};
+use crate::words::{numbered, percents, period, variables};
+pub use crate::words::{region, small, variable};
 pub use trical_ident::compare::capital;
 
 /// From here on a claim is said as a fact.
@@ -24,10 +24,10 @@ const LEAST_TOLD: f64 = 0.1;
 /// A claim that lowers the error at unseen poses by a smaller part of it has no row of its own.
 const LEAST_STEP: f64 = 0.01;
 
-/// Claims without a row of their own are still named from this probability on...
-const NAMED_IN_REST: f64 = 0.9;
+/// From here on a name is sure.
+const SURE: f64 = 0.9;
 
-/// ... but so many of them at most.
+/// Likely claims without a row of their own are still named, but so many of them at most.
 const MOST_NAMED_IN_REST: usize = 3;
 
 /// What is true of any data in which nothing was found: with few of them, or with much left, the model need not explain them.
@@ -53,6 +53,9 @@ const LAST_MOVES: &str = "Wait longer before joints are read, and visit some pos
 const OTHER: &str = "Measure a second session: only what it shows again belongs to the arm.";
 /// ... or with time.
 const IN_THE_COURSE: &str = "Find what changed while you measured (a screw, a temperature), and measure again.";
+
+/// When it happened, where two sessions differ.
+const BETWEEN_TWO: &str = " between the two sessions";
 
 /// What was diagnosed.
 #[derive(Clone, Copy)]
@@ -117,8 +120,9 @@ fn at(places: &[Place], claim: &str) -> String {
 fn claim(f: &Finding, places: &[Place], sessions: &[u32]) -> String {
     let title = f.effect.effect().title;
     let comma = if sessions.len() > 1 { "," } else { "" };
-    let when = numbered("session", sessions.iter().map(|s| *s as usize).collect());
-    let when = when.map_or_else(String::new, |s| format!("{comma} in {s}"));
+    let when = numbered("session", sessions.iter().map(|s| *s as usize).collect()).filter(|_| !f.between_two);
+    let between = if f.between_two { BETWEEN_TWO } else { "" };
+    let when = when.map_or_else(|| between.to_owned(), |s| format!("{comma} in {s}"));
     let (perhaps, what) = match level(f).0 {
         Level::Effect => ("", title),
         Level::Family => ("", family(f.family)),
@@ -163,7 +167,12 @@ pub fn title_of(identifier: &str) -> String {
 /// Effect, place and session of a finding: "Backlash at joint 3", "Perhaps backlash at joint 3".
 #[must_use]
 pub fn heading(f: &Finding) -> String {
-    let name = named(f.effect, f.site) + &f.session.map_or_else(String::new, |s| format!(" in session {s}"));
+    let when = match f.session {
+        _ if f.between_two => BETWEEN_TWO.to_owned(),
+        Some(session) => format!(" in session {session}"),
+        None => String::new(),
+    };
+    let name = named(f.effect, f.site) + &when;
     if f.is_likely() { name } else { format!("Perhaps {}", small(&name)) }
 }
 
@@ -175,9 +184,9 @@ pub fn summary(f: &Finding) -> String {
     let [before, after] = [f.evidence.holdout_rms_before_mm, f.evidence.holdout_rms_after_mm];
     let gain = if after > before {
         // what pays is judged by how well each block can be predicted, the rms by the worst of them
-        "modelled; most unseen blocks of poses are predicted better, but over all of them the error"
+        "with it in the model most unseen blocks of poses are predicted better, but over all of them the error"
     } else {
-        "modelled, the error at unseen poses"
+        "with it in the model the error at unseen poses"
     };
     format!(
         "{} ({}){perhaps}: {gain} goes from {before:.3} to {after:.3} mm rms.",
@@ -380,9 +389,11 @@ fn row_of(findings: &[Finding], first: usize, step: &Step, [before_mm, after_mm]
 fn rest_row(rows: &[&VerdictRow], errors: [f64; 2]) -> VerdictRow {
     let mut findings: Vec<usize> = rows.iter().flat_map(|r| r.findings.iter().copied()).collect();
     findings.sort_unstable();
-    let sure =
-        |r: &&&VerdictRow| r.kind == RowKind::Finding && r.confidence.is_some_and(|[low, _]| low >= NAMED_IN_REST);
-    let named: Vec<&&VerdictRow> = rows.iter().filter(sure).take(MOST_NAMED_IN_REST).collect();
+    let sure = |r: &&&VerdictRow| r.kind == RowKind::Finding && r.confidence.is_some_and(|[low, _]| low >= LIKELY);
+    let mut named: Vec<&&VerdictRow> = rows.iter().filter(sure).collect();
+    // what says what to do before what says no more than where
+    named.sort_by_key(|r| r.action.is_none());
+    named.truncate(MOST_NAMED_IN_REST);
     // what the model does not correct is for its owner to mend
     let to_mend =
         |r: &VerdictRow| r.action.filter(|_| !r.corrected).map(|a| format!("; {}", small(a.trim_end_matches('.'))));
@@ -398,10 +409,10 @@ fn rest_row(rows: &[&VerdictRow], errors: [f64; 2]) -> VerdictRow {
     let text = match (said.is_empty(), others) {
         (true, 1) => "1 smaller or less sure finding".to_owned(),
         (true, n) => format!("{n} smaller or less sure findings"),
-        (false, 0) if said.len() == 1 => format!("Smaller: {}", said.concat()),
-        (false, 0) => format!("Smaller findings together: {}", said.join(", ")),
-        (false, 1) => format!("Smaller findings together: {}; 1 more finding", said.join(", ")),
-        (false, n) => format!("Smaller findings together: {}; {n} more findings", said.join(", ")),
+        (false, 0) if said.len() == 1 => format!("Also: {}", said.concat()),
+        (false, 0) => format!("Other findings together: {}", said.join(", ")),
+        (false, 1) => format!("Other findings together: {}; 1 more finding", said.join(", ")),
+        (false, n) => format!("Other findings together: {}; {n} more findings", said.join(", ")),
     };
     let corrected = rows.iter().any(|r| r.corrected);
     VerdictRow { findings, corrected, ..plain_row(RowKind::Rest, text, errors) }
@@ -443,7 +454,7 @@ fn rows(
     rows.extend(left.map(|u| {
         let place = at(&[u.site], "");
         let text = format!(
-            "Still unexplained{place}: {:.3} mm rms that depend on {}{}",
+            "Of what is left{place} {:.3} mm rms depend on {}{}",
             u.rms_mm,
             variable(&u.variable, given.robot),
             period(&u.region).1
@@ -469,7 +480,7 @@ impl Finding {
     /// Whether its name is told however little it takes off the error.
     #[must_use]
     pub fn is_sure(&self) -> bool {
-        self.confidence >= NAMED_IN_REST
+        self.confidence >= SURE
     }
 }
 

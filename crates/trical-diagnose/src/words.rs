@@ -24,7 +24,8 @@ pub(crate) fn numbered(what: &str, mut numbers: Vec<usize>) -> Option<String> {
 }
 
 /// A text that begins with a small letter.
-pub(crate) fn small(text: &str) -> String {
+#[must_use]
+pub fn small(text: &str) -> String {
     let mut chars = text.chars();
     chars.next().map_or_else(String::new, |c| c.to_lowercase().collect::<String>() + chars.as_str())
 }

@@ -81,6 +81,39 @@ fn the_noise_of_nulled_readings_is_no_gain_error() {
 }
 
 #[test]
+fn readings_at_poses_as_they_were_planned_are_not_made_smaller_to_fit() {
+    // where the nominal arm touches its balls, readings and errors that are all smaller by one share fit as well, with less noise
+    let model = truth(ParameterSet::Compliance, 40);
+    let planned = Forward::new(Model::nominal(model.robot.clone(), model.cell.clone()), Vec::new()).unwrap();
+    let forward = Forward::new(model.clone(), Vec::new()).unwrap();
+    let (mut there, mut ws) = (planned.workspace(), forward.workspace());
+    let mut rng = Pcg64Mcg::seed_from_u64(45);
+    let normal = rand_distr::Normal::new(0.0, 8e-6).unwrap();
+    let mut diagnosed = |gain: f64| {
+        let mut recording = touch(&model, 150, 0.0, 46);
+        recording.rows.retain_mut(|row| {
+            let Measured::Touch { ball, reading } = &mut row.measured else { return false };
+            let rotation = planned.world_from_tool(&row.state, &mut there).rotation;
+            let on = Pose { rotation, translation: model.cell.balls[*ball] };
+            // near a joint's limit it may not get there
+            let Ok(q) = trical_model::ik::continue_from(&planned, &on, &row.state, &mut there) else { return false };
+            row.state.q = q;
+            let pose = forward.world_from_tool(&row.state, &mut ws);
+            let y = pose.rotation.transpose() * (model.cell.balls[*ball] - pose.translation);
+            *reading = [y.x / (1.0 + gain), y.y, y.z].map(|y| y + rand_distr::Distribution::sample(&normal, &mut rng));
+            true
+        });
+        diagnose(&model.robot, &model.cell, &build(recording), &Options::default(), &Task::silent()).unwrap()
+    };
+    let plain = diagnosed(0.0);
+    assert!(plain.findings.is_empty(), "{:?}", plain.findings);
+    let off = diagnosed(0.05);
+    let said: Vec<(EffectId, Place)> = off.findings.iter().map(|f| (f.effect, f.site)).collect();
+    assert_eq!(said, [(EffectId::IndicatorGain, Place::Axis(trical_model::Axis::X))]);
+    assert!([&plain, &off].iter().all(|d| d.cautions.iter().all(|c| !c.contains("the device moved"))));
+}
+
+#[test]
 fn a_gain_shows_beside_errors_of_the_arm_that_are_as_large_as_the_readings() {
     // readings spread by 0.2 mm; the arm's backlash is as large, so that they look nulled until it is found
     let model = truth(ParameterSet::Compliance, 40);

@@ -189,7 +189,7 @@ fn too_soft(model: &Model) -> Option<String> {
         return soft().find(against).map(|t| {
             let torques = if matches!(t.basis.of, Variable::Torque { .. }) { ", or torques of the other sign" } else { "" };
             format!(
-                "{} comes out at {:.4} deg/Nm, and no joint moves against its load: something else changes with the load or the inclination \
+                "the compliance {} comes out at {:.4} deg/Nm, and no joint moves against its load: something else changes with the load or the inclination \
                  (a load that the cell file does not have, a base that is not level{torques})",
                 t.name,
                 t.value.to_degrees()
@@ -197,7 +197,7 @@ fn too_soft(model: &Model) -> Option<String> {
         });
     };
     Some(format!(
-        "{} comes out at {:.2} deg/Nm, and no joint is that soft: a loose flange or device, whose error changes with its inclination, \
+        "the compliance {} comes out at {:.2} deg/Nm, and no joint is that soft: a loose flange or device, whose error changes with its inclination, \
          can look like this",
         t.name,
         t.value.to_degrees()
@@ -436,14 +436,17 @@ mod tests {
             Term { value: -0.01, sd: Some(sd), ..term }
         };
         let before = std::mem::replace(&mut model.terms[0], soft(1e-3));
-        assert!(cautions(&model, 135, 31)[0].starts_with("c_6 comes out at -0.57 deg/Nm, and no joint is that soft"));
+        assert!(
+            cautions(&model, 135, 31)[0]
+                .starts_with("the compliance c_6 comes out at -0.57 deg/Nm, and no joint is that soft")
+        );
         model.terms[0] = soft(1e-2);
         assert!(cautions(&model, 135, 31).is_empty());
         // or moves against its load
         model.terms[0] = Term { value: -1e-4, ..soft(2e-5) };
         assert!(
             cautions(&model, 135, 31)[0]
-                .starts_with("c_6 comes out at -0.0057 deg/Nm, and no joint moves against its load")
+                .starts_with("the compliance c_6 comes out at -0.0057 deg/Nm, and no joint moves against its load")
         );
         model.terms[0] = Term { value: 1e-4, ..soft(2e-5) };
         assert!(cautions(&model, 135, 31).is_empty());

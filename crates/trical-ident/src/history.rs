@@ -179,6 +179,16 @@ fn due(sessions: &[Comparison], steps: &[f64], trend: Option<Trend>, need: Optio
             let here = steps.last().copied().unwrap_or(0.0);
             let left = (need - last.mean_mm) / t.mm_per_step;
             let soonest = (need - last.mean_mm) / (t.mm_per_step + 2.0 * t.sd);
+            // a trend that was seen for so long says nothing of much later
+            let seen = here - steps.first().copied().unwrap_or(0.0);
+            if soonest > seen {
+                return format!(
+                    "The next calibration is not due for {seen:.0} {unit} after the last session, as long as was observed: the mean error is {:.3} mm of the \
+                     {need} mm that the work allows, and grows by {:.4} mm in that time.",
+                    last.mean_mm,
+                    t.mm_per_step * seen
+                );
+            }
             let began = if unit == "days" { format!(" (day {here:.0} since the first)") } else { String::new() };
             format!(
                 "The next calibration is due {left:.0} {unit} after the last session{began}, {soonest:.0} {unit} at the earliest: the mean error is {:.3} mm of the {need} mm that the work allows, and grows by {:.4} mm in each of them.",
@@ -211,15 +221,18 @@ mod tests {
             vec![Comparison { recording: "last.csv".into(), verdict, mean_mm, ..Comparison::default() }]
         };
         let grows = |p_value: f64| Some(Trend { mm_per_step: 0.002, sd: 0.0005, p_value });
-        let says = |sessions: &[Comparison], trend, need| due(sessions, &[0.0, 30.0], trend, need, "days");
+        let says = |sessions: &[Comparison], trend, need| due(sessions, &[0.0, 60.0], trend, need, "days");
         // 0.1 mm are left, at 0.002 mm a day, or 0.003 at the most
         let found = says(&last(0.2, "unchanged"), grows(0.001), Some(0.3));
         assert!(
             found.starts_with(
-                "The next calibration is due 50 days after the last session (day 30 since the first), 33 days at"
+                "The next calibration is due 50 days after the last session (day 60 since the first), 33 days at"
             ),
             "{found}"
         );
+        // 0.2 mm are left: 100 days, and no trend was seen for so long
+        let later = says(&last(0.2, "unchanged"), grows(0.001), Some(0.4));
+        assert!(later.contains("not due for 60 days") && later.contains("grows by 0.1200 mm in that time"), "{later}");
         let unchanged = last(0.2, "unchanged");
         assert!(says(&unchanged, grows(0.5), Some(0.3)).contains("and does not grow"));
         assert!(says(&unchanged, None, Some(0.3)).contains("fewer than four sessions"));

@@ -15,6 +15,9 @@ pub const LIMITS_MM: [f64; 4] = [0.1, 0.2, 0.5, 1.0];
 /// Joints that were commanded (or read, where no command is known) alike to this (rad) are visits of one pose.
 const SAME_POSE: f64 = 0.05_f64.to_radians();
 
+/// With fewer visits RP is not told: of two the distances from their mean are equal, and S is 0.
+const LEAST_VISITS: usize = 3;
+
 /// Distances between poses below this (m) are not scored.
 const LEAST_DISTANCE: f64 = 0.01;
 
@@ -25,6 +28,8 @@ pub struct Visited {
     pub commanded: Vec<Vector3<f64>>,
     /// Place that was measured.
     pub attained: Vec<Vector3<f64>>,
+    /// Whether each visit has a command of its own; else the commanded place is that of the joints as read, which scatter as the arm does.
+    pub own_commands: bool,
     /// Poses of one series are of one point of the tool, and measured in one frame: their distances are known.
     pub series: usize,
 }
@@ -57,7 +62,7 @@ pub struct Performance {
     pub visits: [usize; 2],
     /// AP of each pose: distance from the commanded place to the barycentre of the attained ones.
     pub accuracy: Option<OverPoses>,
-    /// RP of each pose that was visited twice or more: l + 3 S.
+    /// RP of each pose that was visited three times or more: l + 3 S.
     pub repeatability: Option<OverPoses>,
     /// AD of neighbouring poses: mean distance attained minus distance commanded, without its sign.
     pub distance_accuracy: Option<OverPoses>,
@@ -69,12 +74,13 @@ pub fn accuracy(pose: &Visited) -> f64 {
     (barycentre(&pose.attained) - barycentre(&pose.commanded)).norm()
 }
 
-/// RP of a pose, m: mean distance from the barycentre and three standard deviations of it; `None` for a single visit. Where visits were
+/// RP of a pose, m: mean distance from the barycentre and three standard deviations of it; `None` for one or two visits. Where visits were
 /// commanded to slightly different places, each is taken relative to its command.
 #[must_use]
 pub fn repeatability(pose: &Visited) -> Option<f64> {
-    let off: Vec<Vector3<f64>> = pose.attained.iter().zip(&pose.commanded).map(|(a, c)| a - c).collect();
-    scatter(&off).map(|s| s.rp_mm * 1e-3)
+    let relative = |(a, c): (&Vector3<f64>, &Vector3<f64>)| if pose.own_commands { a - c } else { *a };
+    let at: Vec<Vector3<f64>> = pose.attained.iter().zip(&pose.commanded).map(relative).collect();
+    scatter(&at).filter(|_| at.len() >= LEAST_VISITS).map(|s| s.rp_mm * 1e-3)
 }
 
 /// AD of two poses, m: mean distance between their visits (the first with the first, ...) minus the commanded one.
@@ -144,7 +150,10 @@ pub fn visited(model: &Model, data: &Dataset) -> Result<Vec<Visited>> {
             pose.2.commanded.push(commanded);
             pose.2.attained.push(attained);
         } else {
-            poses.push((point, joints, Visited { commanded: vec![commanded], attained: vec![attained], series: of }));
+            // a touch is corrected by hand or by the gauge: where the arm then is, is its command
+            let own_commands = touches || o.state.q_commanded.is_some();
+            let visited = Visited { commanded: vec![commanded], attained: vec![attained], own_commands, series: of };
+            poses.push((point, joints, visited));
         }
     }
     poses.sort_by_key(|p| p.2.series);
@@ -171,7 +180,7 @@ mod tests {
                         command + off[k] + sign * l * axes[(j as usize / 2) % 3]
                     })
                     .collect();
-                Visited { commanded: vec![command; 30], attained, series: 0 }
+                Visited { commanded: vec![command; 30], attained, own_commands: true, series: 0 }
             })
             .collect()
     }
@@ -202,11 +211,25 @@ mod tests {
 
     #[test]
     fn a_single_visit_has_an_accuracy_and_no_repeatability() {
-        let one =
-            Visited { commanded: vec![Vector3::zeros()], attained: vec![Vector3::new(0.0, 3e-4, 4e-4)], series: 0 };
+        let one = Visited {
+            commanded: vec![Vector3::zeros()],
+            attained: vec![Vector3::new(0.0, 3e-4, 4e-4)],
+            own_commands: true,
+            series: 0,
+        };
         let told = performance(std::slice::from_ref(&one));
         assert!((told.accuracy.expect("a pose").max_mm - 0.5).abs() < 1e-12);
         assert!(told.repeatability.is_none() && told.distance_accuracy.is_none());
+        // two are as far from their mean as each other
+        let twice = |n: usize, own_commands: bool| {
+            let command = |k: usize| Vector3::new(1e-4 * k as f64, 0.0, 0.0);
+            let commanded: Vec<_> = (0..n).map(command).collect();
+            repeatability(&Visited { attained: commanded.clone(), commanded, own_commands, series: 0 })
+        };
+        assert_eq!((twice(2, false), twice(3, true)), (None, Some(0.0)));
+        // joints as they were read scatter with the arm: 0.1, 0 and 0.1 mm from the mean
+        let by_hand = 2e-4 / 3.0 + 3.0 * (((1e-4_f64 / 3.0).powi(2) * 2.0 + (2e-4_f64 / 3.0).powi(2)) / 2.0).sqrt();
+        assert!((twice(3, false).expect("three") - by_hand).abs() < 1e-12);
     }
 
     #[test]
@@ -215,6 +238,7 @@ mod tests {
             // 20 mm off in turn: how far apart a bad arm was commanded says nothing of the distance
             commanded: vec![Vector3::new(x + 0.02 * series as f64, if x > 0.1 { 0.02 } else { 0.0 }, 0.0)],
             attained: vec![Vector3::new(x, 0.0, 0.0)],
+            own_commands: true,
             series,
         };
         let pairs = |poses: &[Visited]| performance(poses).distance_accuracy.map(|ad| ad.n);

@@ -42,8 +42,8 @@ pub struct Uncertainty {
     pub noise: f64,
     /// The same of each component of a measured rotation, rad; `None` where no pose was measured.
     pub rotation_noise: Option<f64>,
-    /// How far what happened in the course of the sessions moved a coordinate about its middle, root mean square, m: as much may happen,
-    /// unforeseen, in the course of another one.
+    /// How far what happened in the course of the sessions moved a coordinate from where it began, root mean square, m: it may have stayed so, or as much
+    /// may happen, unforeseen, in the course of another one.
     pub course: f64,
     /// How far the effects that were found move a coordinate, root mean square, m: at joint angles that the model was not fitted at they may be
     /// otherwise by as much.
@@ -64,7 +64,8 @@ impl Uncertainty {
         let noise = (square / scalars.saturating_sub(p).max(1) as f64).sqrt();
         let known = p <= CORRELATED && noise > 0.0 && correlation.iter().all(|c| c.is_finite());
         let names = fitted.free.iter().map(|k| fitted.model.terms[*k].name.clone()).collect();
-        let course = moved(fitted, &|t| t.scope() == Scope::Course).unwrap_or(0.0);
+        let course =
+            moved(&fitted.model, &fitted.data, &|t| t.scope() == Scope::Course).map_or(0.0, |m| m.from_beginning);
         let rotation_noise = rotation_noise(fitted);
         known.then_some(Self { names, correlation, noise, rotation_noise, course, effects: 0.0 })
     }
@@ -84,19 +85,28 @@ fn rotation_noise(fitted: &Identified) -> Option<f64> {
     Some((square / (3 * angles.len()) as f64).sqrt()).filter(|sd| *sd > 0.0)
 }
 
-/// How far such terms moved a coordinate about its middle in each recording, root mean square, m.
+/// How far terms moved a coordinate, root mean square over the recordings, m.
+#[derive(Clone, Copy, Debug)]
+pub struct Moved {
+    /// About its middle in each recording.
+    pub about_middle: f64,
+    /// From where it is without them.
+    pub from_beginning: f64,
+}
+
+/// How far such terms moved a coordinate.
 ///
 /// # Errors
 /// None for a model that was fitted.
-pub fn moved(fitted: &Identified, such: &dyn Fn(&Term) -> bool) -> Result<f64> {
-    let mut without = fitted.model.clone();
+pub fn moved(model: &Model, data: &Dataset, such: &dyn Fn(&Term) -> bool) -> Result<Moved> {
+    let mut without = model.clone();
     without.terms.iter_mut().filter(|t| such(t)).for_each(|t| t.value = 0.0);
-    let [with, without] = [fitted.model.clone(), without].map(|model| Forward::new(model, Vec::new()));
+    let [with, without] = [model.clone(), without].map(|model| Forward::new(model, Vec::new()));
     let (with, without) = (with?, without?);
     let (mut here, mut there) = (with.workspace(), without.workspace());
     // sum, sum of squares and number, of each recording and row
-    let mut sums = vec![[(0.0, 0.0, 0.0); 3]; fitted.data.names.len()];
-    for o in &fitted.data.observations {
+    let mut sums = vec![[(0.0, 0.0, 0.0); 3]; data.names.len()];
+    for o in &data.observations {
         let rows = with.residual(&o.state, &o.measured, o.frame, &mut here);
         without.residual(&o.state, &o.measured, o.frame, &mut there);
         for (k, (sum, squares, count)) in sums[o.recording].iter_mut().enumerate().take(rows) {
@@ -108,25 +118,39 @@ pub fn moved(fitted: &Identified, such: &dyn Fn(&Term) -> bool) -> Result<f64> {
     }
     let each = || sums.iter().flatten().filter(|(_, _, n)| *n > 0.0);
     let about: f64 = each().map(|(sum, squares, n)| squares - sum * sum / n).sum();
-    Ok((about.max(0.0) / each().map(|s| s.2).sum::<f64>().max(1.0)).sqrt())
+    let from: f64 = each().map(|(_, squares, _)| squares).sum();
+    let count = each().map(|s| s.2).sum::<f64>().max(1.0);
+    Ok(Moved { about_middle: (about.max(0.0) / count).sqrt(), from_beginning: (from / count).sqrt() })
 }
 
 /// A joint that has another zero in the newest session than in the others keeps it: the arm's becomes that one, and the others differ. Without dates
-/// nothing says which is the newest.
+/// nothing says which is the newest, and of two sessions not even which is the odd one: the arm's is then the middle of both, give or take half of the
+/// difference.
 fn take_present_zeros(model: &mut Model, names: &[String]) {
-    let Some(newest) = newest(names.iter().map(String::as_str)).filter(|_| names.len() > 1) else { return };
+    let newest = newest(names.iter().map(String::as_str));
     let number = |session: usize| u32::try_from(session + 1).unwrap_or(u32::MAX);
-    let is_present =
-        |t: &Term| matches!(t.site, Site::Joint { .. }) && t.basis == Basis::CONSTANT.in_session(number(newest));
-    let mut before = Vec::new();
-    for t in model.terms.iter_mut().filter(|t| is_present(t)) {
-        for session in (0..names.len()).filter(|s| *s != newest).map(number) {
-            let name = format!("{}_session_{session}", t.name);
-            before.push(Term { name, value: -t.value, basis: Basis::CONSTANT.in_session(session), ..t.clone() });
+    let mut of_sessions = Vec::new();
+    for t in &mut model.terms {
+        let Some(session) = t.basis.session.filter(|_| matches!(t.site, Site::Joint { .. })) else { continue };
+        if t.basis != Basis::CONSTANT.in_session(session) {
+            continue;
         }
-        t.basis = Basis::CONSTANT;
+        let share = match newest {
+            Some(newest) if names.len() > 1 && session == number(newest) => 1.0,
+            None if names.len() == 2 => 0.5,
+            _ => continue,
+        };
+        for other in (0..names.len()).map(number) {
+            let value = if other == session { (1.0 - share) * t.value } else { -share * t.value };
+            if value != 0.0 {
+                let basis = Basis::CONSTANT.in_session(other);
+                of_sessions.push(Term { name: format!("{}_session_{other}", t.name), value, basis, ..t.clone() });
+            }
+        }
+        (t.basis, t.value) = (Basis::CONSTANT, share * t.value);
+        t.sd = t.sd.map(|sd| sd.hypot((1.0 - share) * t.value / share));
     }
-    model.terms.extend(before);
+    model.terms.extend(of_sessions);
 }
 
 /// Beyond so many terms their correlation is not kept: the file would be longer than many recordings.

@@ -472,7 +472,7 @@ fn a_model_file_keeps_how_far_the_day_moved_the_measurements() {
     let of_file = Uncertainty::of(&fitted).unwrap();
     // 60 steps of 2 um along one of three axes
     let drift = fitted.model.terms[0].value * 20.0;
-    let expected = drift.abs() * ((60.0_f64.powi(2) - 1.0) / 12.0 / 3.0).sqrt();
+    let expected = drift.abs() * (59.0_f64 * 119.0 / 6.0 / 3.0).sqrt();
     assert!((of_file.course / expected - 1.0).abs() < 1e-6, "{} {expected}", of_file.course);
     assert!((of_file.noise / NOISE - 1.0).abs() < 0.2, "{}", of_file.noise);
     // what effects moved is what the plain model's scatter has beyond this one's
@@ -482,6 +482,29 @@ fn a_model_file_keeps_how_far_the_day_moved_the_measurements() {
     let file = ModelFile { uncertainty: Some(with_effects.clone()), ..ModelFile::of_fit(&fitted) };
     let read = ModelFile::parse(&file.to_toml().unwrap(), "model.toml").unwrap().uncertainty.unwrap();
     assert!((read.effects / with_effects.effects - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn of_two_sessions_without_dates_that_differ_in_a_zero_the_arm_has_the_middle() {
+    let mut truth = truth();
+    let zero = Term::new("zero_shift_3", "joint_zero_shift", Site::Joint { joint: 3 }, Basis::CONSTANT.in_session(2));
+    truth.terms.push(Term { value: 1e-3, sd: Some(1e-4), ..zero });
+    let sessions = [seen(&truth, 1, [0.0; 3]), seen(&truth, 2, [0.0; 3])];
+    let data = Dataset::build(&sessions, JointSource::Read, None).unwrap();
+    let now = ModelFile::of(truth.clone(), &data).model;
+    let moved = |model: &Model, session: Option<u32>| {
+        let forward = Forward::new(model.clone(), Vec::new()).unwrap();
+        let state = State { session, ..State::at(&[0.1, 0.2, -0.3, 0.4, 0.5, -0.6]) };
+        forward.world_from_tool(&state, &mut forward.workspace()).translation
+    };
+    for session in [1, 2] {
+        assert!((moved(&now, Some(session)) - moved(&truth, Some(session))).norm() < 1e-6, "session {session}");
+    }
+    let middle = 0.5 * (moved(&truth, Some(1)) + moved(&truth, Some(2)));
+    assert!((moved(&now, None) - middle).norm() < 1e-6);
+    // which of both it is nobody knows
+    let arm = now.terms.iter().find(|t| t.name == "zero_shift_3").unwrap();
+    assert!((arm.value - 5e-4).abs() < 1e-12 && (arm.sd.unwrap() - 5e-4_f64.hypot(1e-4)).abs() < 1e-12);
 }
 
 #[test]

@@ -181,6 +181,20 @@ impl Term {
         self.effect == other.effect && self.site == other.site && self.basis == other.basis
     }
 
+    /// Whether it can move the tool in {w}: not what is of targets, balls, anchors and measuring frames alone.
+    #[must_use]
+    pub fn moves_tool(&self) -> bool {
+        !matches!(
+            self.site,
+            Site::Target { .. }
+                | Site::Fixture(_)
+                | Site::Ball { .. }
+                | Site::Frame { .. }
+                | Site::Anchor { .. }
+                | Site::LengthZero { .. }
+        )
+    }
+
     /// The joint (from 1) of which this is the compliance about its axis, by gravity's torque or by a measured one.
     #[must_use]
     pub fn gives_way(&self) -> Option<usize> {

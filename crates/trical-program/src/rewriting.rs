@@ -11,9 +11,7 @@ use trical_model::pose::rotation_vector;
 use trical_model::{Cell, Model, Pose, Robot, Scope, Term, Variable};
 
 use crate::branch::Configuration;
-use crate::compensation::{
-    Compensator, Done, MOST_RELATIVE, Shifted, Start, by_measured_torque, moves_tool, settle_unnamed,
-};
+use crate::compensation::{Compensator, Done, MOST_RELATIVE, Shifted, Start, by_measured_torque, settle_unnamed};
 use crate::dialects::{Dialect, MARK};
 use crate::elsewhere::{Elsewhere, Nowhere};
 use crate::error::ProgramError;
@@ -319,7 +317,7 @@ fn few_joints(robot: &Robot) -> Option<String> {
 
 /// What happened in the course of a session and is left out, since nobody said when the program runs.
 fn as_it_began(model: &Model, options: &Options) -> Option<String> {
-    let of_course = |t: &&Term| t.scope() == Scope::Course && t.basis.session.is_some() && moves_tool(t);
+    let of_course = |t: &&Term| t.scope() == Scope::Course && t.basis.session.is_some() && t.moves_tool();
     let mut effects: Vec<&str> = model.terms.iter().filter(of_course).map(|t| t.effect.as_str()).collect();
     effects.dedup();
     let timed = model.terms.iter().filter(of_course).any(|t| t.basis.of == Variable::Time);

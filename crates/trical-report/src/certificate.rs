@@ -3,7 +3,7 @@
 use minijinja::context;
 use sha2::{Digest, Sha256};
 use trical_ident::iso9283::{LIMITS_MM, OverPoses, Performance, performance, visited};
-use trical_ident::{Calibration, Dataset, ModelFile, Observation, Validation};
+use trical_ident::{Calibration, Dataset, JointSource, ModelFile, Observation, Validation};
 use trical_model::Model;
 
 use crate::error::{Error, Result};
@@ -72,7 +72,7 @@ pub fn of_calibration(c: &Calibration, made: &Made) -> Result<String> {
     let mut notes: Vec<String> = c.cautions().iter().map(|c| format!("Caution: {}", table::ended(c))).collect();
     notes.push(match c.held_out.worst() {
         Some((how, e)) => {
-            at += &format!(", and by {:.3} mm at poses that the fit did not see", e.mean_mm);
+            at += &format!(", and of {:.3} mm at poses that the fit did not see", e.mean_mm);
             format!(
                 "The numbers above are at the poses of the fit. At poses that the fit did not see ({how}) the error is {:.3} mm on average \
                  and {:.3} mm at most. `trical validate` certifies the model on another recording.",
@@ -103,6 +103,14 @@ fn instrument(data: &Dataset) -> String {
     format!("{}, no. {BY_HAND}", kinds.join(", "))
 }
 
+/// Which joint angles the numbers are about.
+fn how_joints(data: &Dataset) -> &'static str {
+    match data.joints {
+        JointSource::Read => "as read by the controller",
+        JointSource::Commanded => "as commanded",
+    }
+}
+
 fn temperature(data: &Dataset) -> String {
     let all = || data.observations.iter().filter_map(|o| o.state.temp_c);
     let (low, high) = (all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max));
@@ -121,8 +129,14 @@ fn numbers(before: &Column<'_>, after: &Column<'_>) -> Result<(Vec<Vec<String>>,
     };
     let pair = |o: Option<OverPoses>| o.map(|o| format!("{:.3} / {:.3}", o.mean_mm, o.max_mm));
     add("Pose accuracy AP, mean / largest", &|k| pair(told[k].accuracy));
-    add("Pose repeatability RP, mean / largest", &|k| pair(told[k].repeatability));
-    add("Distance accuracy AD, mean / largest", &|k| pair(told[k].distance_accuracy));
+    let often = told[1].repeatability.map_or(0, |rp| rp.n);
+    add(&format!("Pose repeatability RP of {often} pose{}, mean / largest", if often == 1 { "" } else { "s" }), &|k| {
+        pair(told[k].repeatability)
+    });
+    let pairs = told[1].distance_accuracy.map_or(0, |ad| ad.n);
+    add(&format!("Distance accuracy AD of {pairs} pair{}, mean / largest", if pairs == 1 { "" } else { "s" }), &|k| {
+        pair(told[k].distance_accuracy)
+    });
     for limit in LIMITS_MM {
         add(&format!("Measurements within {limit} mm"), &|k| {
             let errors = columns[k].errors;
@@ -159,9 +173,10 @@ fn render(
         (few, most) => format!("{few} to {most} times"),
     };
     notes.push(format!(
-        "AP, RP and AD by the formulas of ISO 9283: AP is the distance between the commanded position and the mean of the attained positions, \
-         RP the mean distance from that mean plus three standard deviations, AD the difference between attained and commanded \
-         distances of neighbouring poses. The standard asks for five poses of 30 visits; here {} {} visited {visits} each{}.",
+        "AP, RP and AD by the formulas of ISO 9283: AP is the distance between the commanded position (here where the model puts the tool at the joint angles {}) \
+         and the mean of the attained positions, RP the mean distance from that mean plus three standard deviations, AD the difference between attained and commanded \
+         distances of poses that follow each other, without its sign. The standard asks for five poses of 30 visits; here {} {} visited {visits} each{}.",
+        how_joints(after.data),
         told.poses,
         if told.poses == after.data.used_poses().len() { "poses were" } else { "places (each point of the tool at each pose is one) were" },
         if told.repeatability.is_none() { ", so that RP is not known and AP contains it" } else { "" }
@@ -178,6 +193,7 @@ fn render(
         ("Instrument", instrument(after.data)),
         ("Date of measurement", BY_HAND.into()),
         ("Temperature", temperature(after.data)),
+        ("Joint angles", how_joints(after.data).into()),
         ("Recordings", recordings.join(", ")),
         (
             "Measurements",

@@ -1,11 +1,11 @@
 //! The report of a diagnosis: verdict, where on the arm, each finding against the variable that reveals it, what could not be
 //! seen.
 
-use nalgebra::{Vector3, Vector6};
+use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use trical_diagnose::{Diagnosis, Finding, Rival, RowKind, Unexplained, VerdictRow, verdict};
 use trical_ident::caution::listed;
 use trical_ident::{ErrorSummary, JointSource, Noise};
-use trical_model::{Basis, Forward, JointKind, Measured, Model, Place, Robot, Shape, Site, State, Variable};
+use trical_model::{Basis, Forward, JointKind, Measured, Model, Place, Robot, Shape, Site, State, Term, Variable};
 
 use crate::arm_map;
 use crate::error::Result;
@@ -16,7 +16,7 @@ use crate::plots::{self, AFTER, BEFORE, LAST_MOVE, Series};
 use crate::table;
 use crate::verdict_told;
 
-/// Findings with a figure of their own.
+/// Findings with figures.
 const SHOWN: usize = 12;
 
 /// Findings whose coefficients are written out; a curve has more.
@@ -70,7 +70,7 @@ fn whole(modelled: &str, [before, after]: [f64; 2], decimals: usize) -> String {
         return format!("{after} mm rms is left at poses that the fit did not see: nothing was found that lowers it.");
     }
     format!(
-        "With {modelled} modelled, the error at poses that the fit did not see falls from {before} to {after} mm rms."
+        "With {modelled} in the model, the error at poses that the fit did not see falls from {before} to {after} mm rms."
     )
 }
 
@@ -105,7 +105,7 @@ struct Seen {
     label: &'static str,
     /// The unit of what is drawn.
     unit: &'static str,
-    /// Error without the finding, all else modelled.
+    /// Error without the finding, all else fitted anew.
     before: Vec<f64>,
     /// Error with the finding.
     after: Vec<f64>,
@@ -113,18 +113,44 @@ struct Seen {
     part: Vec<f64>,
 }
 
+/// The model without some of its terms, the others fitted anew, in the linear picture: with their covariance `C` of those left out, `o`, the
+/// others change by `-C[., o] C[o, o]^-1 x[o]`. Where that covariance was not kept, or has no inverse, the others stay as they are.
+fn without(own: &dyn Fn(&Term) -> bool, d: &Diagnosis) -> Model {
+    let mut model = d.model.clone();
+    if let Some(u) = &d.uncertainty {
+        let n = u.names.len();
+        let sd: Vec<f64> = u.names.iter().map(|name| sd_of(&d.model, name)).collect();
+        let named = |t: &Term| u.names.iter().position(|name| *name == t.name).filter(|k| sd[*k] > 0.0);
+        let out: Vec<(usize, f64)> =
+            d.model.terms.iter().filter(|t| own(t)).filter_map(|t| Some((named(t)?, t.value))).collect();
+        let among = DMatrix::from_fn(out.len(), out.len(), |i, j| u.correlation[out[i].0 * n + out[j].0]);
+        let sizes = DVector::from_fn(out.len(), |i, _| out[i].1 / sd[out[i].0]);
+        if let Some(share) = among.cholesky().map(|factor| factor.solve(&sizes)) {
+            for t in &mut model.terms {
+                let Some(k) = named(t) else { continue };
+                let by: f64 = out.iter().zip(share.iter()).map(|((o, _), s)| u.correlation[k * n + o] * s).sum();
+                t.value -= sd[k] * by;
+            }
+        }
+    }
+    model.terms.iter_mut().filter(|t| own(t)).for_each(|t| t.value = 0.0);
+    model
+}
+
+fn sd_of(model: &Model, name: &str) -> f64 {
+    model.terms.iter().find(|t| t.name == name).and_then(|t| t.sd).unwrap_or(0.0)
+}
+
 fn seen(f: &Finding, d: &Diagnosis) -> Result<Seen> {
-    let own = |name: &str| f.coefficients.iter().any(|c| c.name == name);
-    let mut without = d.model.clone();
-    for t in without.terms.iter_mut().filter(|t| own(&t.name)) {
-        t.value = 0.0;
-    }
+    let own = |t: &Term| f.coefficients.iter().any(|c| c.name == t.name);
     // the direction in which it acts, whatever its variables say
-    let mut always = d.model.clone();
-    for t in always.terms.iter_mut().filter(|t| own(&t.name)) {
-        t.basis = Basis::CONSTANT;
-    }
-    let (with, without, always) = (six(&d.model, &d.data)?, six(&without, &d.data)?, six(&always, &d.data).ok());
+    let [mut none, mut always] = [d.model.clone(), d.model.clone()];
+    none.terms.iter_mut().filter(|t| own(t)).for_each(|t| t.value = 0.0);
+    always.terms.iter_mut().filter(|t| own(t)).for_each(|t| t.basis = Basis::CONSTANT);
+    let along = six(&none, &d.data)
+        .and_then(|none| Ok(six(&always, &d.data)?.iter().zip(none).map(|(a, b)| a - b).collect::<Vec<_>>()))
+        .ok();
+    let (with, without) = (six(&d.model, &d.data)?, six(&without(&own, d), &d.data)?);
     // what only turns the tool is seen in its orientation alone
     let size = |first: usize| {
         let parts = with.iter().zip(&without).map(|(a, b)| (a - b).fixed_rows::<3>(first).norm_squared());
@@ -137,13 +163,13 @@ fn seen(f: &Finding, d: &Diagnosis) -> Result<Seen> {
     let (first, scale, label, unit) =
         if turns { (3, 1.0_f64.to_degrees(), "orientation error, deg", "deg") } else { (0, 1e3, "error, mm", "mm") };
     let of = |all: &[Vector6<f64>]| all.iter().map(|r| r.fixed_rows::<3>(first) * scale).collect::<Vec<Vector3<f64>>>();
-    let (with, without, always) = (of(&with), of(&without), always.map(|a| of(&a)));
+    let (with, without, along) = (of(&with), of(&without), along.map(|a| of(&a)));
     let mut out = Seen { label, unit, before: Vec::new(), after: Vec::new(), part: Vec::new() };
     for k in 0..with.len() {
         let part = with[k] - without[k];
-        let along = always
+        let along = along
             .as_ref()
-            .and_then(|a| (a[k] - without[k]).try_normalize(1e-9))
+            .and_then(|a| a[k].try_normalize(1e-9))
             .or_else(|| part.try_normalize(1e-9))
             .unwrap_or_else(Vector3::zeros);
         out.before.push(without[k].dot(&along));
@@ -213,7 +239,7 @@ fn revealing(f: &Finding, d: &Diagnosis) -> Option<(String, Vec<f64>)> {
     }
 }
 
-/// A finding against the variable that reveals it, one value for each observation.
+/// A finding against the variable that reveals it, one value for each observation (of its session).
 pub struct Against {
     /// What `x` is, with its unit.
     pub label: String,
@@ -221,7 +247,7 @@ pub struct Against {
     pub x: Vec<f64>,
     /// What the errors are, with their unit: "error, mm", or of what only turns the tool "orientation error, deg".
     pub error: &'static str,
-    /// Error along the direction in which the finding acts, everything else modelled, without it.
+    /// Error along the direction in which the finding acts without it, everything else fitted anew.
     pub without: Vec<f64>,
     /// Error with the finding.
     pub with: Vec<f64>,
@@ -232,8 +258,16 @@ pub struct Against {
 /// # Errors
 /// A model that cannot be evaluated.
 pub fn against(f: &Finding, d: &Diagnosis) -> Result<Against> {
-    let Seen { label: error, unit, before: without, after: with, part } = seen(f, d)?;
-    let (label, x) = revealing(f, d).unwrap_or_else(|| (format!("error that this finding predicts, {unit}"), part));
+    let Seen { label: error, unit, before: mut without, after: mut with, part } = seen(f, d)?;
+    let (label, mut x) = revealing(f, d).unwrap_or_else(|| (format!("error that this finding predicts, {unit}"), part));
+    if let Some(session) = f.session {
+        // others were not there
+        let there = |k: usize| d.data.observations[k].recording + 1 == session as usize;
+        for values in [&mut x, &mut without, &mut with] {
+            let mut at = 0..;
+            values.retain(|_| at.next().is_some_and(there));
+        }
+    }
     Ok(Against { label, x, error, without, with })
 }
 
@@ -262,7 +296,11 @@ fn coefficients(f: &Finding, d: &Diagnosis) -> Vec<String> {
                 }
                 table::estimate(&name, factor * size, sd.map(|sd| factor * sd), unit)
             }
-            _ if f.coefficients.len() == 1 => table::estimate("size", a.value, a.sd, &a.unit),
+            _ if f.coefficients.len() == 1 => {
+                let name = a.name.trim_end_matches(|c: char| c == '_' || c.is_ascii_digit()).replace('_', " ");
+                let twice = if name.starts_with("half") { ", the whole is twice that" } else { "" };
+                table::estimate(&name, a.value, a.sd, &a.unit) + twice
+            }
             _ => table::estimate(&a.name.replace('_', " "), a.value, a.sd, &a.unit),
         });
     }
@@ -285,36 +323,47 @@ fn amplitude([sine, cosine]: [f64; 2], [s, c]: [Option<f64>; 2]) -> (f64, Option
     (size, s.zip(c).map(|(s, c)| (sine * s).hypot(cosine * c) / size.max(f64::MIN_POSITIVE)))
 }
 
-/// A finding against the variable that reveals it, its size and its rivals; it has a number, from 1.
+/// A finding against the variable that reveals it, its size and its rivals; it has a number, from 1, and beyond [`SHOWN`] no figures.
 pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<Section> {
+    let values = coefficients(f, d);
+    let told = if values.len() > FEW { format!("{} coefficients", f.coefficients.len()) } else { values.join("; ") };
+    let mut text = vec![
+        format!("{}. {}.", verdict::capital(&f.located), verdict::capital(&told)),
+        if f.is_likely() {
+            format!("What to do: {}", f.action)
+        } else {
+            format!("Measure more before anything is done. If it is this: {}", verdict::small(f.action))
+        },
+    ];
+    let rivals = rivals(f);
+    text.extend(could_also_be(&rivals, f.is_sure(), d.model.cell.balls_fix_base(|_| true)));
+    let evidence = &f.evidence;
+    if evidence.holdout_rms_after_mm > evidence.holdout_rms_before_mm {
+        text.push(f.summary.clone());
+    }
+    let section = Section::new(format!("{number_of}. {} ({:.0} %)", verdict::heading(f), f.confidence * 100.0))
+        .with_text(text)
+        .folded(number_of > OPEN);
+    if number_of > SHOWN {
+        return Ok(section);
+    }
     let Against { label, x, error, without: before, with: after } = against(f, d)?;
     let points = |y: &[f64]| x.iter().copied().zip(y.iter().copied()).collect();
     let series = [
         Series { name: "without it", color: BEFORE, points: points(&before) },
         Series { name: "with it", color: AFTER, points: points(&after) },
     ];
-    let values = coefficients(f, d);
-    let told = if values.len() > FEW { format!("{} coefficients", f.coefficients.len()) } else { values.join("; ") };
-    let mut text = vec![
-        format!("{}. {}.", verdict::capital(&f.located), verdict::capital(&told)),
-        format!("What to do: {}", f.action),
-    ];
-    let rivals = rivals(f);
-    text.extend(could_also_be(&rivals, f.is_sure(), d.model.cell.balls_fix_base(|_| true)));
     let mut figures = finding_figures::figures(f, d)?;
     let spread =
         if label.starts_with(LAST_MOVE) { " Points are spread sideways, so that they can be seen." } else { "" };
     figures.push(Figure::new(
         format!(
             "Each point is one measurement: its error along the direction in which this effect acts, \
-                 everything else modelled, without this effect and with it.{spread}"
+                 with this effect, and without it, everything else fitted anew.{spread}"
         ),
         plots::scatter(&label, error, false, false, &series)?,
     ));
-    Ok(Section::new(format!("{number_of}. {} ({:.0} %)", verdict::heading(f), f.confidence * 100.0))
-        .with_text(text)
-        .with_figures(figures)
-        .folded(number_of > OPEN))
+    Ok(section.with_figures(figures))
 }
 
 /// The verdict as a table: error before and after each claim, the claim, how sure it is, what to do.
@@ -338,15 +387,13 @@ fn verdict_table(d: &Diagnosis) -> Vec<Vec<String>> {
 /// What a report begins with: the verdict as a table, cautions, notes.
 pub fn verdict_section(d: &Diagnosis) -> Section {
     let mut section = Section::new("Verdict")
-        .with_text(
-            verdict_told::no_arm(d).iter().map(|c| format!("Caution: {c}")).chain([
-                "Errors are at poses that the fit did not see, root mean square. The error before \
-                 each row is the error after the row above it."
-                    .into(),
-            ]),
-        )
+        .with_text(verdict_told::no_arm(d).iter().map(|c| format!("Caution: {c}")).chain([format!(
+            "Errors are at poses that the fit did not see{}, root mean square. The error before \
+                 each row is the error after the row above it.",
+            verdict_told::same_balls(d)
+        )]))
         .with_tables([verdict_table(d)]);
-    section.after.extend(verdict_told::elsewhere(d).map(|e| format!("Whole model {e}.")));
+    section.after.extend(verdict_told::elsewhere(d).map(|e| format!("The whole model errs more {e}.")));
     section.after.extend(verdict_told::cautions(d).iter().map(|c| format!("Caution: {c}")));
     section.after.extend(verdict_told::notes(d).iter().map(|n| format!("Note: {n}")));
     section
@@ -370,12 +417,15 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
     let mut section = Section::new("All findings");
     let mut rows = vec![row(["finding", "probability", "lambda", "error before, mm", "after, mm", "could also be"])];
     for (k, f) in d.findings.iter().enumerate() {
+        let [before, after] = [f.evidence.holdout_rms_before_mm, f.evidence.holdout_rms_after_mm];
+        let [before, after] = [before, after].map(|mm| format!("{mm:.4}"));
+        let after = if after == before { "unchanged".to_owned() } else { after };
         rows.push(vec![
             format!("{}. {}", k + 1, verdict::heading(f)),
             format!("{:.0} %", f.confidence * 100.0),
             format!("{:.1}", f.lambda),
-            format!("{:.4}", f.evidence.holdout_rms_before_mm),
-            format!("{:.4}", f.evidence.holdout_rms_after_mm),
+            before,
+            after,
             rivals(f),
         ]);
     }
@@ -515,6 +565,7 @@ fn summary(d: &Diagnosis) -> String {
     said.extend(verdict_told::none_sure(d).map(|c| format!("{}.", verdict::capital(c))));
     let curves = d.unexplained.iter().chain(&d.more_unexplained).any(|u| u.modelled);
     said.push(whole(&modelled(&told, d.findings.len(), curves), errors, decimals));
+    said.extend(verdict_told::elsewhere(d).map(|e| format!("But it errs more {e}.")));
     said.join(" ")
 }
 
@@ -568,7 +619,7 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
     if !d.findings.is_empty() {
         sections.push(all_findings(d)?);
     }
-    for (k, f) in d.findings.iter().take(SHOWN).enumerate() {
+    for (k, f) in d.findings.iter().enumerate() {
         sections.push(finding_section(k + 1, f, d)?);
     }
     sections.extend(nameless(d)?);

@@ -296,8 +296,7 @@ pub fn to_be_looked_at(concerns: Vec<String>, also: &str) -> Section {
         _ => ("To check before signing", "What is left to be checked by you:"),
     };
     let checked = Section::new(heading).with_text([format!(
-        "The program checked rejected rows, errors at poses that the fit did not use, the largest error compared with the rms, the residuals \
-         compared with the usual noise, {also}. {found}"
+        "The program checked rejected rows, the largest error compared with the rms, the residuals compared with the usual noise, {also}. {found}"
     )]);
     Section { list: concerns, ..checked }
 }

@@ -16,8 +16,10 @@ const LARGER: f64 = 1.5;
 
 /// How poses are left out where the folds are those that were asked for.
 pub const BY_BLOCK: &str = "by block of poses";
+/// How the last poses are told.
+pub const FORWARD: &str = "forward in time";
 
-/// How rows of poses that the fit did not use begin.
+/// How rows of poses that the fit did not see begin.
 const NOT_IN_THE_FIT: &str = "poses not in the fit, ";
 
 /// Poses that a fit in so many folds did not use.
@@ -30,11 +32,14 @@ pub fn of_last(percent: usize) -> String {
     format!("last {percent} % of the poses, by a fit to those before")
 }
 
-/// Errors at poses that the fit did not use, each with what they are.
+/// Errors at poses that the fit did not see, each with what they are.
 fn unseen(t: &Calibration) -> Vec<(String, ErrorSummary)> {
     let folds = t.cross_validation.iter().map(|(k, e)| (of_folds(*k), *e));
     let later = t.forward_in_time.iter().map(|(percent, e)| (of_last(*percent), *e));
-    let always = t.held_out.named().into_iter().filter(|(how, _)| t.cross_validation.is_none() || *how != BY_BLOCK);
+    // each once: folds or the last poses that were asked for stand in the place of the usual ones
+    let asked =
+        |how: &str| t.cross_validation.is_some() && how == BY_BLOCK || t.forward_in_time.is_some() && how == FORWARD;
+    let always = t.held_out.named().into_iter().filter(|(how, _)| !asked(how));
     let always = always.map(|(how, e)| (format!("{NOT_IN_THE_FIT}{how}"), e));
     folds.chain(later).chain(always).collect()
 }
@@ -51,14 +56,14 @@ fn concerns(t: &Calibration) -> Result<Vec<String>> {
     for (name, e) in &unseen {
         if e.mean_mm > LARGER * t.errors.mean_mm {
             out.push(format!(
-                "The error at poses not used ({name}) is {:.1} times that of the fit: the model has too many parameters for these measurements.",
+                "The error at poses that the fit did not see ({name}) is {:.1} times that of the fit: the model has too many parameters for these measurements.",
                 e.mean_mm / t.errors.mean_mm
             ));
         }
     }
     if unseen.is_empty() {
         out.push(
-            "Nothing was scored at poses that the fit did not use: --cross-validate 5 does, and `trical validate` on another \
+            "Nothing was scored at poses that the fit did not see: --cross-validate 5 does, and `trical validate` on another \
              recording does better."
                 .into(),
         );
@@ -95,7 +100,7 @@ fn verdict(t: &Calibration, concerns: usize) -> String {
     if let Some((how, e)) = unseen(t).iter().max_by(|a, b| a.1.mean_mm.total_cmp(&b.1.mean_mm)) {
         let how = how.trim_start_matches(NOT_IN_THE_FIT);
         out +=
-            &format!(" At poses that the fit did not use ({how}) it is {:.3} mm (largest {:.3}).", e.mean_mm, e.max_mm);
+            &format!(" At poses that the fit did not see ({how}) it is {:.3} mm (largest {:.3}).", e.mean_mm, e.max_mm);
     }
     out + &signing(concerns)
 }
@@ -143,7 +148,7 @@ pub fn render(t: &Calibration, mut made: Made) -> Result<String> {
     rows.extend(unseen.iter().map(|(name, e)| (name.as_str(), e)));
     let mut sections = Vec::new();
     sections
-        .push(evidence::to_be_looked_at(list, "numbers measured for each parameter, where the base came out, limits"));
+        .push(evidence::to_be_looked_at(list, "errors at poses that the fit did not see, numbers measured for each parameter, where the base came out, limits"));
     let mut one_by_one = errors.section()?;
     if after.len() < t.observations {
         one_by_one.text.push(format!("These are from a sample of {} of {} measurements.", after.len(), t.observations));

@@ -51,8 +51,16 @@ fn coverage(robot: &Robot, cell: &Cell, told: &Told) -> Result<Vec<Vec<String>>>
             told.plan.entries.iter().map(|e| &e.joints).map(of).collect()
         })
         .flatten();
-    let mut rows =
-        vec![row(["joint", "lowest", "highest", "limits", "torque, Nm", "reached moving down", "reached moving up"])];
+    let mut rows = vec![row([
+        "joint",
+        "lowest",
+        "highest",
+        "limits",
+        "torque, Nm",
+        "reached moving down",
+        "reached moving up",
+        "not moved",
+    ])];
     for k in 0..robot.dof() {
         let mut cells = used(robot, k, span(told.plan.entries.iter().map(|e| e.joints[k])));
         let torque = torques.as_ref().map_or_else(
@@ -63,7 +71,8 @@ fn coverage(robot: &Robot, cell: &Cell, told: &Told) -> Result<Vec<Vec<String>>>
             },
         );
         let [down, up] = told.plan.expected.senses.get(k).copied().unwrap_or_default();
-        cells.extend([torque, down.to_string(), up.to_string()]);
+        let still = told.plan.entries.len().saturating_sub(down + up);
+        cells.extend([torque, down.to_string(), up.to_string(), still.to_string()]);
         rows.push(cells);
     }
     Ok(rows)

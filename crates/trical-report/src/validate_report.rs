@@ -11,6 +11,9 @@ use crate::table::counted;
 /// A region with a mean error larger than that of all by this is worth a word.
 const WORSE: f64 = 2.0;
 
+/// Intervals of 95 % that hold fewer are worth a word.
+const LEAST_COVERED: f64 = 0.9;
+
 /// What makes the errors worth little, in one sentence each.
 pub fn cautions(v: &Validation) -> Vec<String> {
     let mut out = Vec::new();
@@ -31,6 +34,17 @@ pub fn cautions(v: &Validation) -> Vec<String> {
     out
 }
 
+/// Intervals that are too narrow to be relied on.
+fn too_narrow(v: &Validation) -> Option<String> {
+    let covered = v.predicted.as_ref()?.covered;
+    (covered < LEAST_COVERED).then(|| {
+        format!(
+            "Of the coordinates {:.0} % lie within the model's 95 % intervals: these are too narrow here.",
+            100.0 * covered
+        )
+    })
+}
+
 fn concerns(v: &Validation) -> Result<Vec<String>> {
     let rejected = v.rejected.len();
     let mut out = cautions(v);
@@ -45,6 +59,7 @@ fn concerns(v: &Validation) -> Result<Vec<String>> {
     if lost > 0 && v.after.mean_mm < v.before.mean_mm {
         out.push(format!("In {lost} of {} regions the model is no better than the nominal arm.", v.regions.len()));
     }
+    out.extend(too_narrow(v));
     out.extend(evidence::beyond_noise(&v.model, &v.data)?);
     out.extend(evidence::long_tail(&v.after, &v.data));
     if rejected > 0 {
@@ -112,7 +127,7 @@ pub fn render(v: &Validation, file: &ModelFile, mut made: Made) -> Result<String
     let recordings = (v.sessions.len() > 1)
         .then(|| parts("recording", &mut v.sessions.iter().map(|s| (s.recording.as_str(), s.n, &s.before, &s.after))));
     let mut sections = Vec::new();
-    sections.push(evidence::to_be_looked_at(list, "errors region by region"));
+    sections.push(evidence::to_be_looked_at(list, "the model's own intervals, errors region by region"));
     let table = error_table(&[("before: nominal arm", &v.before), ("after: the model", &v.after)]);
     let terms = v.model.terms.iter().filter(|t| t.sd.is_some());
     sections.extend([

@@ -5,7 +5,8 @@ use trical_ident::compare::capital;
 use trical_ident::identify::ErrorSummary;
 use trical_ident::{JointSource, caution};
 
-use trical_model::{Measured, Model, Site, Term};
+use trical_ident::model_file::moved;
+use trical_model::{Measured, Model, Scope, Site, Term};
 
 use crate::error::Result;
 use crate::evidence::six;
@@ -53,12 +54,13 @@ pub fn to_do(row: &VerdictRow) -> Option<String> {
 /// "0.509 -> 0.171", or one number where nothing changes.
 #[must_use]
 pub fn errors(row: &VerdictRow, decimals: usize) -> String {
-    if claims_something(row) {
-        format!("{:.decimals$} -> {:.decimals$}", row.before_mm, row.after_mm)
-    } else if row.kind == RowKind::Unexplained {
+    let [before, after] = [row.before_mm, row.after_mm].map(|mm| format!("{mm:.decimals$}"));
+    if row.kind == RowKind::Unexplained {
         String::new()
+    } else if claims_something(row) && before != after {
+        format!("{before} -> {after}")
     } else {
-        format!("{:.decimals$}", row.after_mm)
+        after
     }
 }
 
@@ -156,9 +158,7 @@ pub fn none_sure(d: &Diagnosis) -> Option<&'static str> {
 #[must_use]
 pub fn notes(d: &Diagnosis) -> Vec<String> {
     let told = |r: &String| {
-        format!(
-            "{r}. The fit treats part of this as noise, which the errors here do not include. It is not a fault of the arm."
-        )
+        format!("{r}. The fit allows for that, and the errors here are without it. It is not a fault of the arm.")
     };
     d.baseline.reading_noise.iter().map(told).collect()
 }
@@ -179,9 +179,9 @@ pub fn cautions(d: &Diagnosis) -> Vec<String> {
     all.map(|c| table::ended(&c)).collect()
 }
 
-/// What the whole model is worth in a session, or at a place of the balls, that it was not fitted to, where that is much worse.
-#[must_use]
-pub fn elsewhere(d: &Diagnosis) -> Option<String> {
+/// What the whole model is worth in a session, or at a place of the balls, that it was not fitted to, where that is much worse; and whether the
+/// plain model is better there.
+fn worth_elsewhere(d: &Diagnosis) -> Option<(String, bool)> {
     let (whole, plain) = (&d.after.held_out, &d.baseline);
     let all = [
         ("in a session", whole.by_session, plain.by_session),
@@ -190,21 +190,38 @@ pub fn elsewhere(d: &Diagnosis) -> Option<String> {
     let decimals = decimals(d, &d.verdict.rows);
     let told = |(at, whole, plain): (&str, Option<ErrorSummary>, Option<ErrorSummary>)| {
         let whole = whole.filter(|e| e.rms_mm > MUCH_WORSE * d.after.holdout_rms_mm)?;
+        let worse = plain.is_some_and(|p| p.rms_mm < whole.rms_mm);
         let plain = plain.map_or_else(String::new, |p| format!(" (plain model: {:.decimals$})", p.rms_mm));
-        Some(format!("{at} that it was not fitted to: {:.decimals$} mm{plain}", whole.rms_mm))
+        Some((format!("{at} that it was not fitted to: {:.decimals$} mm{plain}", whole.rms_mm), worse))
     };
     all.into_iter().find_map(told).or_else(|| {
-        // of one session alone: what happened in its course is in the errors, and not in those of a program
-        let course = d.uncertainty.as_ref().map_or(0.0, |u| u.course / u.noise);
+        // of one session alone: what happened to the arm and its tool in its course is in the errors, and not in those of a program
+        let of_arm = |t: &Term| t.scope() == Scope::Course && t.moves_tool();
+        let course = moved(&d.model, &d.data, &of_arm).ok()?.from_beginning / d.uncertainty.as_ref()?.noise;
         let there = d.after.holdout_rms_mm * course.hypot(1.0);
         let plain = d.baseline.holdout_rms_mm;
         let worse = if there > plain { ", worse than the plain model (use that one there)" } else { "" };
         (there > MUCH_WORSE * d.after.holdout_rms_mm).then(|| {
-            format!(
-                "in another session about {there:.decimals$} mm{worse}, since what happened in the course of this one is not corrected there"
-            )
+            let said = format!(
+                "in another session: about {there:.decimals$} mm{worse}, since what happened in the course of this one is not corrected there"
+            );
+            (said, there > plain)
         })
     })
+}
+
+/// What the whole model is worth in a session, or at a place of the balls, that it was not fitted to, where that is much worse.
+#[must_use]
+pub fn elsewhere(d: &Diagnosis) -> Option<String> {
+    worth_elsewhere(d).map(|(said, _)| said)
+}
+
+/// Touches show the error at their balls alone, which says little of the workspace; what is said of where the errors are.
+#[must_use]
+pub fn same_balls(d: &Diagnosis) -> &'static str {
+    let touches = |m: &Measured| matches!(m, Measured::Touch { .. });
+    let all = d.data.observations.iter().all(|o| touches(&o.measured) && o.state.place.is_none());
+    if all { ", at the same balls" } else { "" }
 }
 
 /// The verdict in ten lines at most: measurements, then the table with what to do. What does not fit is summed up.
@@ -215,18 +232,18 @@ pub fn lines(d: &Diagnosis) -> Vec<String> {
         n => format!(", {n} more rejected"),
     };
     let head = format!(
-        "{} measurements at {} poses{rejected}. Error at poses that the fit did not see, mm rms:",
+        "{} measurements at {} poses{rejected}. Error at poses that the fit did not see{}, mm rms:",
         d.data.observations.len(),
-        d.after.poses
+        d.after.poses,
+        same_balls(d)
     );
     let table = |claims: usize, advised: usize| -> Vec<String> {
         let (mut rows, decimals) = told(d, d.verdict.shortened(claims));
-        if let Some(whole) = rows.last_mut() {
-            whole.text += &elsewhere(d).map_or_else(String::new, |e| format!("; {e}"));
-        }
         let corrected = rows.iter().any(|r| r.corrected && claims_something(r));
-        if let Some(whole) = rows.last_mut().filter(|_| corrected) {
-            whole.text += &format!("; {USES}");
+        if let Some(whole) = rows.last_mut() {
+            let (said, plain_is_better) = worth_elsewhere(d).unzip();
+            let uses = (corrected && plain_is_better != Some(true)).then(|| USES.to_owned());
+            whole.text += &said.into_iter().chain(uses).map(|s| format!("; {s}")).collect::<String>();
         }
         let each = rows.iter().enumerate().flat_map(|(k, row)| row_lines(row, decimals, k <= advised));
         std::iter::once(head.clone()).chain(each).collect()

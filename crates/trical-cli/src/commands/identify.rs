@@ -7,7 +7,7 @@ use trical_ident::{
     Calibration, Choice, ErrorSummary, Identified, JointSource, KnownParameters, ModelFile, Options, ParameterSet,
     Rejected, calibrate, calibrate_stream, shown, write_whole,
 };
-use trical_report::identify_report::BY_BLOCK;
+use trical_report::identify_report::{BY_BLOCK, FORWARD};
 use trical_report::{certificate, identify_report, table};
 
 use crate::error::{CliError, Result};
@@ -210,7 +210,8 @@ fn error_rows(found: &Calibration) -> Vec<Vec<String>> {
     }
     // the usual one unless its folds were asked for, and the worst
     let usual = found.held_out.by_block.filter(|_| found.cross_validation.is_none());
-    let worst = found.held_out.worst().filter(|(name, _)| *name != BY_BLOCK);
+    let told = |name: &str| name == BY_BLOCK || name == FORWARD && found.forward_in_time.is_some();
+    let worst = found.held_out.worst().filter(|(name, _)| !told(name));
     for (name, e) in usual.map(|e| (BY_BLOCK, e)).into_iter().chain(worst) {
         add(&format!("poses not in the fit, {name}"), &e);
     }

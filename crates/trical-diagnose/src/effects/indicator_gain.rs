@@ -4,6 +4,7 @@
 use trical_model::{Axis, Basis, Motion, Place, Scope, Shape, Site, Variable};
 
 use super::effect::{Asked, Effect, Family, Remedy, Size};
+use crate::candidate::{Candidate, Physical};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 
@@ -24,13 +25,17 @@ pub const EFFECT: Effect = Effect {
     ask,
 };
 
+/// An indicator that is farther off is broken. And where the arm as it was planned touches its balls, readings and corrections that are all smaller
+/// by one share fit as well, and better the smaller they are, since their noise is smaller, too: far from one a gain is that.
+const MOST: f64 = 0.15;
+
 fn ask(r: &Covariates<'_>) -> Asked {
     if !r.touches {
         return Asked::default();
     }
     let of = |axis: &Axis| {
         let a = axis.name();
-        EFFECT.candidate(
+        let candidate = EFFECT.candidate(
             Place::Axis(*axis),
             format!("in proportion to indicator {a}'s own reading"),
             Size { typical: 0.02, large: 0.08 },
@@ -40,7 +45,8 @@ fn ask(r: &Covariates<'_>) -> Asked {
                 Basis::new(Variable::Reading { axis: *axis }, Shape::Linear),
                 0,
             )],
-        )
+        );
+        Candidate { physical: Physical::when(|gain| gain.iter().all(|g| g.abs() < MOST)), ..candidate }
     };
     let spread = |axis: &&Axis| r.spread[axis.index()];
     Asked {

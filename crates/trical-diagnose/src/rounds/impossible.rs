@@ -38,9 +38,9 @@ impl Rounds {
             own.terms.iter().any(|t| t.scope() == Scope::Course) && !own.is_of_whole_session()
         };
         let course: Vec<usize> = self.chosen.iter().copied().filter(of_course).collect();
-        let by = |set: &[usize]| {
+        let by = |set: &[usize]| -> Result<f64> {
             let terms = || set.iter().flat_map(|c| &self.candidates[*c].terms);
-            moved(&self.fitted, &|t| terms().any(|own| own.does_as(t)))
+            Ok(moved(&self.fitted.model, &self.fitted.data, &|t| terms().any(|own| own.does_as(t)))?.about_middle)
         };
         if course.is_empty() || by(&course)? <= MOST_INFLATION.sqrt() * self.plain {
             return Ok(None);
@@ -74,7 +74,9 @@ mod tests {
         rounds.let_go_of_impossible().unwrap();
         assert_eq!(rounds.chosen, [jump]);
         // a plain model that errs by a third of what it moves says most of it, too
-        rounds.plain = moved(&rounds.fitted, &|t| t.effect == "joint_zero_shift").unwrap() / 3.0;
+        rounds.plain =
+            moved(&rounds.fitted.model, &rounds.fitted.data, &|t| t.effect == "joint_zero_shift").unwrap().about_middle
+                / 3.0;
         rounds.let_go_of_impossible().unwrap();
         assert!(rounds.chosen.is_empty());
         assert!(rounds.searched()[jump].terms.is_empty());

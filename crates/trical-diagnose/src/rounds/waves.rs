@@ -1,13 +1,17 @@
 //! Waves of an encoder's curve: how large they are, and which single lines beyond them are the encoder's too.
 
 use trical_ident::error::Result;
+use trical_model::Place;
 
 use super::Rounds;
 use crate::candidate::Candidate;
 use crate::correlated_noise::CorrelatedNoise;
 use crate::effect_id::EffectId;
 use crate::effects::further_wave;
-use crate::settings::{GEAR_MULTIPLES, GEAR_SIDEBANDS, SMALLEST_GEAR};
+use crate::settings::{
+    FEWEST_TEETH, GEAR_MULTIPLES, GEAR_MULTIPLES_OF_FEW, GEAR_SIDEBANDS, GEAR_SIDEBANDS_SHARE, LINES_OF_NO_GEAR,
+    SMALLEST_GEAR,
+};
 
 impl Rounds {
     /// Gives the waves of `curves`, which are in the fit but not among what was chosen, the sizes that the data say they have.
@@ -21,18 +25,27 @@ impl Rounds {
         Ok(())
     }
 
-    /// Lines at joints that have an encoder's curve are waves of it, unless they are those of a gear.
+    /// Lines at joints that have an encoder's curve are waves of it, unless they are those of a gear; and so are lines alone that are of no
+    /// one gear, where they are many.
     pub(crate) fn name_waves(&mut self) {
         let of = |id: EffectId| -> Vec<usize> {
             self.chosen.iter().copied().filter(|c| self.candidates[*c].cause == id.into()).collect()
         };
         let mut waves: Vec<usize> = Vec::new();
-        for curve in of(EffectId::EncoderError) {
+        let curves: Vec<Place> = of(EffectId::EncoderError).into_iter().map(|c| self.candidates[c].site).collect();
+        let mut sites: Vec<Place> = of(EffectId::GearRipple).into_iter().map(|c| self.candidates[c].site).collect();
+        sites.sort_unstable();
+        sites.dedup();
+        for site in sites {
             let mut here = of(EffectId::GearRipple);
-            here.retain(|c| self.candidates[*c].site == self.candidates[curve].site);
+            here.retain(|c| self.candidates[*c].site == site);
             let line = |c: &usize| (self.candidates[*c].cycles().unwrap_or(0.0), self.power(&self.candidates[*c]));
             let lines: Vec<(f64, f64)> = here.iter().map(line).collect();
-            waves.extend(here.into_iter().zip(of_gear(&lines)).filter(|(_, gear)| !gear).map(|(c, _)| c));
+            let of_none = of_gear(&lines, FEWEST_TEETH).into_iter().filter(|gear| !gear).count();
+            if curves.contains(&site) || of_none >= LINES_OF_NO_GEAR {
+                let of_gear = of_gear(&lines, SMALLEST_GEAR);
+                waves.extend(here.into_iter().zip(of_gear).filter(|(_, gear)| !gear).map(|(c, _)| c));
+            }
         }
         for wave in waves {
             let own = &mut self.candidates[wave];
@@ -55,15 +68,17 @@ impl Rounds {
 }
 
 /// Which of the lines of a joint (cycles per turn, power) are a gear's, where the joint's encoder has a curve. A gear's are at one number
-/// and its multiples, and at neighbours that modulate them; they have most of the power of the lines, but for those at powers of two, which are
+/// of at least `smallest` and its multiples, and at neighbours that modulate them; they have most of the power of the lines, but for those at powers of two, which are
 /// the encoder's own poles.
-fn of_gear(lines: &[(f64, f64)]) -> Vec<bool> {
+fn of_gear(lines: &[(f64, f64)], smallest: f64) -> Vec<bool> {
     let is_pole = |n: f64| (n - n.log2().round().exp2()).abs() <= 1.0 && n > SMALLEST_GEAR;
     let others = || lines.iter().filter(|(n, _)| !is_pole(*n));
     let Some((strongest, _)) = others().max_by(|a, b| a.1.total_cmp(&b.1)) else { return vec![false; lines.len()] };
-    let belongs = |n: f64, gear: f64| (n - (n / gear).round().max(1.0) * gear).abs() <= GEAR_SIDEBANDS;
+    let sidebands = |gear: f64| GEAR_SIDEBANDS.min(GEAR_SIDEBANDS_SHARE * gear);
+    let belongs = |n: f64, gear: f64| (n - (n / gear).round().max(1.0) * gear).abs() <= sidebands(gear);
     let power = |gear: f64| others().filter(|(n, _)| belongs(*n, gear)).map(|(_, p)| p).sum::<f64>();
-    let gears = (1..=GEAR_MULTIPLES).map(|k| strongest / f64::from(k)).filter(|gear| *gear >= SMALLEST_GEAR);
+    let multiples = if smallest < SMALLEST_GEAR { GEAR_MULTIPLES_OF_FEW } else { GEAR_MULTIPLES };
+    let gears = (1..=multiples).map(|k| strongest / f64::from(k)).filter(|gear| *gear >= smallest);
     let best = gears.max_by(|a, b| power(*a).total_cmp(&power(*b)).then(a.total_cmp(b)));
     let all: f64 = others().map(|(_, p)| p).sum();
     let of = best.filter(|gear| power(*gear) > 0.5 * all);
@@ -74,7 +89,7 @@ fn of_gear(lines: &[(f64, f64)]) -> Vec<bool> {
 mod tests {
     #![allow(clippy::unwrap_used)]
 
-    use trical_model::{Basis, Place, Shape, Variable};
+    use trical_model::{Basis, Shape, Variable};
 
     use super::*;
     use crate::options::Options;
@@ -82,14 +97,36 @@ mod tests {
 
     #[test]
     fn lines_of_one_number_with_neighbours_and_multiples_are_a_gears_and_scattered_ones_are_not() {
-        assert_eq!(of_gear(&[(101.0, 1.0)]), [true]);
-        assert_eq!(of_gear(&[(99.0, 0.5), (101.0, 2.0), (202.0, 1.0), (73.0, 0.4)]), [true, true, true, false]);
+        let asked = |lines: &[(f64, f64)]| of_gear(lines, SMALLEST_GEAR);
+        assert_eq!(asked(&[(101.0, 1.0)]), [true]);
+        assert_eq!(asked(&[(99.0, 0.5), (101.0, 2.0), (202.0, 1.0), (73.0, 0.4)]), [true, true, true, false]);
         // the second harmonic is the strongest
-        assert_eq!(of_gear(&[(100.0, 1.0), (200.0, 2.0), (300.0, 1.0), (61.0, 1.0)]), [true, true, true, false]);
-        assert_eq!(of_gear(&[(59.0, 1.0), (67.0, 1.2), (88.0, 1.0), (155.0, 0.8)]), [false; 4]);
+        assert_eq!(asked(&[(100.0, 1.0), (200.0, 2.0), (300.0, 1.0), (61.0, 1.0)]), [true, true, true, false]);
+        assert_eq!(asked(&[(59.0, 1.0), (67.0, 1.2), (88.0, 1.0), (155.0, 0.8)]), [false; 4]);
         // an encoder's poles, however strong
-        assert_eq!(of_gear(&[(128.0, 9.0), (100.0, 1.0), (256.0, 3.0)]), [false, true, false]);
-        assert_eq!(of_gear(&[]), [false; 0]);
+        assert_eq!(asked(&[(128.0, 9.0), (100.0, 1.0), (256.0, 3.0)]), [false, true, false]);
+        assert_eq!(asked(&[]), [false; 0]);
+    }
+
+    #[test]
+    fn many_lines_of_no_one_gear_are_an_encoders_without_a_curve_too() {
+        let few = |lines: &[f64]| {
+            let lines: Vec<(f64, f64)> = lines.iter().map(|n| (*n, 1.0)).collect();
+            of_gear(&lines, FEWEST_TEETH).iter().filter(|gear| !**gear).count()
+        };
+        assert_eq!((few(&[20.0, 40.0, 60.0]), few(&[14.0, 24.0, 31.0, 39.0, 47.0])), (0, 5));
+        let causes = |cycles: &[f64]| {
+            let (_, mut rounds) = named(cycles);
+            rounds.chosen.remove(0);
+            for c in rounds.chosen.clone() {
+                rounds.candidates[c].cause = EffectId::GearRipple.into();
+            }
+            rounds.name_waves();
+            rounds.chosen.iter().filter_map(|c| rounds.candidates[*c].cause.effect()).collect::<Vec<_>>()
+        };
+        assert_eq!(causes(&[5.0, 14.0, 24.0, 31.0]), [EffectId::EncoderError; 3]);
+        assert_eq!(causes(&[5.0, 20.0, 40.0, 60.0]), [EffectId::GearRipple; 3]);
+        assert_eq!(causes(&[5.0, 24.0, 31.0]), [EffectId::GearRipple; 2]);
     }
 
     /// Curve and lines of joint 2 of an arm with an error of `cycles` there, chosen and fitted, as they are named.

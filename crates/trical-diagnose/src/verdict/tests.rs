@@ -14,6 +14,7 @@ fn finding(effect: EffectId, joint: usize, [place, family, name]: [f64; 3], [bef
         family: described.family,
         scope: described.scope,
         session: None,
+        between_two: false,
         confidence: name,
         place_confidence: place,
         family_confidence: family,
@@ -57,7 +58,9 @@ fn where_nothing_is_found_nothing_is_claimed_of_the_model() {
 #[test]
 fn an_error_that_grows_over_all_poses_is_not_told_as_a_gain() {
     let said = |errors| summary(&finding(EffectId::GearRatio, 2, SURE, errors));
-    assert!(said([0.5, 0.3]).ends_with("modelled, the error at unseen poses goes from 0.500 to 0.300 mm rms."));
+    assert!(
+        said([0.5, 0.3]).ends_with("with it in the model the error at unseen poses goes from 0.500 to 0.300 mm rms.")
+    );
     let more = said([1.312, 1.371]);
     assert!(more.contains("but over all of them the error goes from 1.312 to 1.371 mm rms."), "{more}");
 }
@@ -92,7 +95,7 @@ fn alike_findings_of_several_joints_are_one_row_and_the_table_goes_from_the_plai
             row("Plain model, 31 parameters", "0.90", "0.90"),
             row("Joints read before the arm had settled at joint 1", "0.90", "0.50"),
             row("Encoder error at joints 1 and 2", "0.50", "0.10"),
-            row("Smaller: gear ripple at joint 4 (99 %)", "0.10", "0.10"),
+            row("Also: gear ripple at joint 4 (99 %)", "0.10", "0.10"),
             row("Whole model, 90 parameters", "0.10", "0.10"),
         ]
     );
@@ -226,7 +229,8 @@ fn sure_findings_without_a_row_of_their_own_are_named_by_what_they_are_together(
     let rest = verdict.shortened(1).into_iter().find(|r| r.kind == RowKind::Rest).unwrap_or_else(|| unreachable!());
     assert_eq!(
         rest.text,
-        "Smaller findings together: gear ripple at joints 1 to 6 (97 to 99 %), curves of no known cause; 1 more finding"
+        "Other findings together: joint stiffness that changes with the load at joint 2 (60 %), gear ripple at joints 1 to 6 (97 to 99 %), curves of no \
+         known cause"
     );
     assert_eq!(rest.findings, [2, 3, 4, 5, 6, 7, 8]);
     assert!(rest.corrected);
@@ -282,7 +286,7 @@ fn what_has_no_name_stands_in_the_table_at_its_size_with_what_to_do() {
             ),
             row("No known cause: change in the course of a session at joint 1", false),
             row(
-                "Still unexplained at joint 5: 0.020 mm rms that depend on the angle of joint 4, the same every 0.04 deg",
+                "Of what is left at joint 5 0.020 mm rms depend on the angle of joint 4, the same every 0.04 deg",
                 false
             ),
             row("Whole model, 60 parameters", true),

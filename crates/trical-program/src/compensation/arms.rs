@@ -67,23 +67,10 @@ pub(crate) fn by_measured_torque(term: &Term) -> bool {
     matches!(term.basis.of, Variable::Torque { .. })
 }
 
-/// Whether a term can move the tool in {w}.
-pub(crate) fn moves_tool(term: &Term) -> bool {
-    !matches!(
-        term.site,
-        Site::Target { .. }
-            | Site::Fixture(_)
-            | Site::Ball { .. }
-            | Site::Frame { .. }
-            | Site::Anchor { .. }
-            | Site::LengthZero { .. }
-    )
-}
-
 /// What of a model holds where a program runs.
 fn of_programs(model: &Model, nominal: &Model, options: &Options) -> Model {
     let mut model = model.clone();
-    model.terms.retain(|t| moves_tool(t) && !by_measured_torque(t));
+    model.terms.retain(|t| t.moves_tool() && !by_measured_torque(t));
     if options.own_base {
         model.terms.retain(|t| !matches!(t.site, Site::Base(_)));
         model.cell.world_from_base = nominal.cell.world_from_base;

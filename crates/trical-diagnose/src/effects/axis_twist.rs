@@ -19,7 +19,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "axis_wobble of the joint before",
     action: "Let the calibrated model correct it: it belongs to the geometry of this arm.",
     remedy: Remedy::WiderRange,
-    periodic: false,
     follows_torque: false,
     ask,
 };

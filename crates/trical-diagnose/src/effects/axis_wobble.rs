@@ -19,7 +19,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "joint_harmonic, axis_twist, geometry",
     action: "Let the calibrated model correct it; where it grows, have the bearing checked.",
     remedy: Remedy::WiderRange,
-    periodic: true,
     follows_torque: false,
     ask,
 };

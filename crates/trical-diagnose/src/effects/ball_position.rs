@@ -19,7 +19,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "the base (mostly absorbed); the other balls, where there are three",
     action: "Measure the distances of the balls again.",
     remedy: Remedy::SecondInstrument,
-    periodic: false,
     follows_torque: false,
     ask,
 };

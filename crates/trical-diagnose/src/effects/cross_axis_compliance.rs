@@ -19,7 +19,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "payload, axis_wobble; mostly absorbed by the geometry",
     action: "Tighten the bolts of base and bearing, and have the bearing checked.",
     remedy: Remedy::SignOfTorque,
-    periodic: false,
     follows_torque: false,
     ask,
 };

@@ -34,9 +34,6 @@ pub struct Effect {
     /// What would make it visible, where touches do not show it.
     #[serde(skip)]
     pub remedy: Remedy,
-    /// Whether it is a wave of the joint's angle: a sum of such waves can be anything that depends on the angle.
-    #[serde(skip)]
-    pub periodic: bool,
     /// Whether it goes with the joint's gravity torque alone: where there is none, there is nothing to see.
     #[serde(skip)]
     pub follows_torque: bool,

@@ -26,7 +26,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "joint_harmonic (its first waves), gear_ripple (a line at the gear's number), a curve over one stroke",
     action: "Let the calibrated model correct it; the maker can linearise the encoder.",
     remedy: Remedy::WiderRange,
-    periodic: true,
     follows_torque: false,
     ask,
 };

@@ -18,7 +18,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "thermal_zero_drift",
     action: "Fasten the platform of the balls and the base, and keep its temperature steady.",
     remedy: Remedy::Repeats,
-    periodic: false,
     follows_torque: false,
     ask,
 };

@@ -18,7 +18,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "joint_zero_shift",
     action: "Fasten the platform of the balls and the base, and measure again.",
     remedy: Remedy::Repeats,
-    periodic: false,
     follows_torque: false,
     ask,
 };

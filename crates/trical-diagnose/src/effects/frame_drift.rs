@@ -18,7 +18,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "fixture_drift, thermal_growth",
     action: "Fasten the instrument, let it warm up, and measure reference points in between.",
     remedy: Remedy::Repeats,
-    periodic: false,
     follows_torque: false,
     ask,
 };

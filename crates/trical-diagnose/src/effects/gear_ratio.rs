@@ -18,7 +18,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "joint_harmonic with n = 1",
     action: "Correct the ratio in the controller, or let the calibrated model do so.",
     remedy: Remedy::WiderRange,
-    periodic: false,
     follows_torque: false,
     ask,
 };

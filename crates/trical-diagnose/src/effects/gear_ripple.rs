@@ -22,7 +22,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "its own aliases",
     action: "Let the calibrated model correct it; where it grows, have the gear checked for wear.",
     remedy: Remedy::WiderRange,
-    periodic: true,
     follows_torque: false,
     ask,
 };

@@ -19,7 +19,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "mostly absorbed by the base",
     action: "Level the base, or tell the controller how it stands.",
     remedy: Remedy::SignOfTorque,
-    periodic: false,
     follows_torque: false,
     ask,
 };

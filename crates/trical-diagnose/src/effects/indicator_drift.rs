@@ -18,7 +18,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "tool_drift",
     action: "Let the gauge warm up, and measure its zero in between.",
     remedy: Remedy::Repeats,
-    periodic: false,
     follows_torque: false,
     ask,
 };

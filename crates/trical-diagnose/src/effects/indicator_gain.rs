@@ -20,7 +20,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "invisible if every reading is nulled",
     action: "Have the indicator calibrated.",
     remedy: Remedy::DeflectedReadings,
-    periodic: false,
     follows_torque: false,
     ask,
 };

@@ -18,7 +18,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "invisible if every reading is nulled",
     action: "Have the device aligned, or its indicators calibrated together.",
     remedy: Remedy::DeflectedReadings,
-    periodic: false,
     follows_torque: false,
     ask,
 };

@@ -20,7 +20,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "gear_ratio",
     action: "Correct the coupling factor in the controller, or let the calibrated model do so.",
     remedy: Remedy::WiderRange,
-    periodic: false,
     follows_torque: false,
     ask,
 };

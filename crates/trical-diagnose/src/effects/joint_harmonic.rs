@@ -18,7 +18,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "gear_ratio on short strokes",
     action: "Let the calibrated model correct it, or have the encoder and the gear centred.",
     remedy: Remedy::WiderRange,
-    periodic: true,
     follows_torque: false,
     ask,
 };

@@ -18,7 +18,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "fixture_shift, tool_shift",
     action: "Have encoder, battery and belt checked, and measure again.",
     remedy: Remedy::Repeats,
-    periodic: false,
     follows_torque: false,
     ask,
 };

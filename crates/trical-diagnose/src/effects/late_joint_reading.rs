@@ -19,7 +19,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "lost_motion_direction",
     action: "Wait longer, or use the commanded joints.",
     remedy: Remedy::Repeats,
-    periodic: false,
     follows_torque: false,
     ask,
 };

@@ -18,7 +18,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "lost_motion_direction",
     action: "Have lubrication and preload checked, or let programs approach from one side.",
     remedy: Remedy::BothSenses,
-    periodic: false,
     follows_torque: false,
     ask,
 };

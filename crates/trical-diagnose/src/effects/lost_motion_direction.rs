@@ -18,7 +18,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "load_friction; invisible if every approach has one sense",
     action: "Have the gear's preload checked, or let programs approach from one side.",
     remedy: Remedy::BothSenses,
-    periodic: false,
     follows_torque: false,
     ask,
 };

@@ -21,7 +21,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "nonlinear_stiffness; the zero offset where tau_j never changes sign",
     action: "Have the gear's preload checked, or keep the joint loaded in one direction.",
     remedy: Remedy::SignOfTorque,
-    periodic: false,
     follows_torque: true,
     ask,
 };

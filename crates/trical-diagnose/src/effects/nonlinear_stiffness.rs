@@ -20,7 +20,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "lost_motion_gravity",
     action: "Let the calibrated model correct it.",
     remedy: Remedy::SignOfTorque,
-    periodic: false,
     follows_torque: true,
     ask,
 };

@@ -19,7 +19,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "compliance, cross_axis_compliance",
     action: "Weigh the tool; correct cell.toml and the controller.",
     remedy: Remedy::KnownPayload,
-    periodic: false,
     follows_torque: false,
     ask,
 };

@@ -20,7 +20,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "gear_ratio of joint 1 (the rail's scale), frame_drift where the rail was gone along once",
     action: "Let the calibrated model correct it, or have the rail levelled and aligned.",
     remedy: Remedy::WiderRange,
-    periodic: false,
     follows_torque: false,
     ask,
 };

@@ -18,7 +18,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "frame_drift, thermal_zero_drift",
     action: "Let the arm warm up before it is measured or used, or record its temperature.",
     remedy: Remedy::Repeats,
-    periodic: false,
     follows_torque: false,
     ask,
 };

@@ -18,7 +18,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "indicator_drift",
     action: "Fasten the device on the flange, and keep its temperature steady.",
     remedy: Remedy::Repeats,
-    periodic: false,
     follows_torque: false,
     ask,
 };

@@ -18,7 +18,6 @@ pub const EFFECT: Effect = Effect {
     rivals: "joint_zero_shift of joint 6 (exactly)",
     action: "Fasten the device on the flange, and measure again.",
     remedy: Remedy::Repeats,
-    periodic: false,
     follows_torque: false,
     ask,
 };

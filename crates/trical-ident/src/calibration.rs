@@ -2,6 +2,7 @@
 //! at poses, blocks and sessions that it did not see. Command line, Python and reports show what this returns.
 
 use serde::Serialize;
+use serde::ser::SerializeMap;
 use trical_model::{Cell, Model, Motion, Recording, Robot, Site, Task};
 use trical_recording::CsvStream;
 
@@ -15,16 +16,15 @@ use crate::dataset::{Dataset, JointSource, Rejected};
 use crate::error::{IdentError, Result};
 use crate::fit::{orientation_errors, position_errors};
 use crate::folds::{FOLDS, Folds};
-use crate::identifiability::{Choice, Elasticity, Observability, OwnSetup, ParameterSet};
+use crate::identifiability::{Choice, Dependent, Elasticity, OwnSetup, ParameterSet};
 pub use crate::identify::Fit;
 use crate::identify::{ErrorSummary, Identified, identify};
 use crate::joint_choice::clean;
 use crate::read_otherwise::read_otherwise;
 use crate::rigid::moved;
-use crate::solver::LmReport;
 use crate::stream::identify_stream;
 use crate::torque_load::{TorqueLoad, torque_loads};
-use crate::units::{Shown, shown};
+use crate::units::shown;
 use crate::validate::score_session;
 
 /// Beyond so many measurements errors at unseen poses are worked out only where they are asked for, and standard deviations are those of
@@ -252,55 +252,6 @@ impl Calibration {
     }
 }
 
-/// A calibration in the shape of `docs/formats.md`.
-#[derive(Serialize)]
-struct Summary<'a> {
-    cautions: Vec<String>,
-    recordings: &'a [String],
-    joints: JointSource,
-    observations: usize,
-    outliers: Vec<usize>,
-    rejected: &'a [Rejected],
-    rejected_rows: usize,
-    poses: usize,
-    blocks: usize,
-    parameters: Vec<Shown>,
-    not_identifiable: Vec<Vec<&'a str>>,
-    held: Vec<&'a str>,
-    near_nominal: Vec<&'a str>,
-    elasticity: Elasticity,
-    correlated: Vec<(String, String, f64)>,
-    at_limit: Vec<&'a str>,
-    design_effect: f64,
-    observability: &'a Observability,
-    fit: &'a LmReport,
-    before: ErrorSummary,
-    errors: ErrorSummary,
-    rms_mm: f64,
-    max_mm: f64,
-    mean_mm: f64,
-    rms_nominal_mm: f64,
-    max_nominal_mm: f64,
-    mean_nominal_mm: f64,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    orientation: Option<[AngleSummary; 2]>,
-    held_out: &'a HeldOut,
-    worst_held_out: Option<WorstHeldOut>,
-    sessions: &'a [SessionSetup],
-    #[serde(skip_serializing_if = "<[_]>::is_empty")]
-    distances: &'a [MeasuredDistance],
-    #[serde(skip_serializing_if = "<[_]>::is_empty")]
-    tried_by_place: &'a [TriedByPlace],
-    #[serde(skip_serializing_if = "<[_]>::is_empty")]
-    loads: &'a [TorqueLoad],
-    #[serde(skip_serializing_if = "Option::is_none")]
-    passes: Option<usize>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    forward_in_time: Option<LastPercent>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    cross_validation: Option<InFolds>,
-}
-
 #[derive(Serialize)]
 struct WorstHeldOut {
     how: &'static str,
@@ -322,59 +273,67 @@ struct InFolds {
     folds: usize,
 }
 
+/// In the shape of `docs/formats.md`.
 impl Serialize for Calibration {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
         let f = &self.fitted;
-        let (after, before) = (self.errors, self.before);
-        Summary {
-            cautions: self.cautions(),
-            recordings: &f.data.names,
-            joints: f.data.joints,
-            observations: self.observations,
-            outliers: self.named.iter().map(|r| r.row).collect(),
-            rejected: &self.named,
-            rejected_rows: self.rejected,
-            poses: self.poses,
-            blocks: self.blocks,
-            parameters: f.free.iter().map(|k| shown(&f.model, &f.model.terms[*k])).collect(),
-            not_identifiable: f
-                .dependent
-                .iter()
-                .filter(|d| !d.held)
-                .map(|d| std::iter::once(&d.name).chain(&d.with).map(String::as_str).collect())
-                .collect(),
-            held: f.held(),
-            near_nominal: f.kept_near_nominal(),
-            elasticity: self.elasticity,
-            correlated: f.correlated(0.9),
-            at_limit: f.stopped(),
-            design_effect: f.design_effect,
-            observability: &f.observability,
-            fit: &f.report,
-            before,
-            errors: after,
-            rms_mm: after.rms_mm,
-            max_mm: after.max_mm,
-            mean_mm: after.mean_mm,
-            rms_nominal_mm: before.rms_mm,
-            max_nominal_mm: before.max_mm,
-            mean_nominal_mm: before.mean_mm,
-            orientation: self.orientation,
-            held_out: &self.held_out,
-            worst_held_out: self.held_out.worst().map(|(how, e)| WorstHeldOut {
-                how,
-                mean_mm: e.mean_mm,
-                rms_mm: e.rms_mm,
-            }),
-            sessions: &self.sessions,
-            distances: &self.distances,
-            tried_by_place: &self.tried,
-            loads: &self.loads,
-            passes: self.passes,
-            forward_in_time: self.forward_in_time.map(|(last_percent, errors)| LastPercent { errors, last_percent }),
-            cross_validation: self.cross_validation.map(|(folds, errors)| InFolds { errors, folds }),
+        let together = |d: &Dependent| std::iter::once(&d.name).chain(&d.with).cloned().collect::<Vec<String>>();
+        let dependent = f.dependent.iter().filter(|d| !d.held).map(together).collect::<Vec<_>>();
+        let parameters = f.free.iter().map(|k| shown(&f.model, &f.model.terms[*k])).collect::<Vec<_>>();
+        let mut map = serializer.serialize_map(None)?;
+        map.serialize_entry("cautions", &self.cautions())?;
+        map.serialize_entry("recordings", &f.data.names)?;
+        map.serialize_entry("joints", &f.data.joints)?;
+        map.serialize_entry("observations", &self.observations)?;
+        map.serialize_entry("outliers", &self.named.iter().map(|r| r.row).collect::<Vec<_>>())?;
+        map.serialize_entry("rejected", &self.named)?;
+        map.serialize_entry("rejected_rows", &self.rejected)?;
+        map.serialize_entry("poses", &self.poses)?;
+        map.serialize_entry("blocks", &self.blocks)?;
+        map.serialize_entry("parameters", &parameters)?;
+        map.serialize_entry("not_identifiable", &dependent)?;
+        map.serialize_entry("held", &f.held())?;
+        map.serialize_entry("near_nominal", &f.kept_near_nominal())?;
+        map.serialize_entry("elasticity", &self.elasticity)?;
+        map.serialize_entry("correlated", &f.correlated(0.9))?;
+        map.serialize_entry("at_limit", &f.stopped())?;
+        map.serialize_entry("design_effect", &f.design_effect)?;
+        map.serialize_entry("observability", &f.observability)?;
+        map.serialize_entry("fit", &f.report)?;
+        map.serialize_entry("before", &self.before)?;
+        map.serialize_entry("errors", &self.errors)?;
+        map.serialize_entry("rms_mm", &self.errors.rms_mm)?;
+        map.serialize_entry("max_mm", &self.errors.max_mm)?;
+        map.serialize_entry("mean_mm", &self.errors.mean_mm)?;
+        map.serialize_entry("rms_nominal_mm", &self.before.rms_mm)?;
+        map.serialize_entry("max_nominal_mm", &self.before.max_mm)?;
+        map.serialize_entry("mean_nominal_mm", &self.before.mean_mm)?;
+        if let Some(orientation) = &self.orientation {
+            map.serialize_entry("orientation", orientation)?;
         }
-        .serialize(serializer)
+        map.serialize_entry("held_out", &self.held_out)?;
+        let worst = self.held_out.worst().map(|(how, e)| WorstHeldOut { how, mean_mm: e.mean_mm, rms_mm: e.rms_mm });
+        map.serialize_entry("worst_held_out", &worst)?;
+        map.serialize_entry("sessions", &self.sessions)?;
+        if !self.distances.is_empty() {
+            map.serialize_entry("distances", &self.distances)?;
+        }
+        if !self.tried.is_empty() {
+            map.serialize_entry("tried_by_place", &self.tried)?;
+        }
+        if !self.loads.is_empty() {
+            map.serialize_entry("loads", &self.loads)?;
+        }
+        if let Some(passes) = self.passes {
+            map.serialize_entry("passes", &passes)?;
+        }
+        if let Some((last_percent, errors)) = self.forward_in_time {
+            map.serialize_entry("forward_in_time", &LastPercent { errors, last_percent })?;
+        }
+        if let Some((folds, errors)) = self.cross_validation {
+            map.serialize_entry("cross_validation", &InFolds { errors, folds })?;
+        }
+        map.end()
     }
 }
 

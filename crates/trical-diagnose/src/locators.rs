@@ -3,7 +3,7 @@
 //! variable at a joint). They compete with the catalogue, at a price: a name is preferred until it is beaten by [`UNNAMED_PRICE_NATS`] nats.
 
 use trical_ident::dataset::Dataset;
-use trical_model::{Basis, Beside, JointKind, Model, Place, Shape, Site, Term, Variable};
+use trical_model::{Basis, Beside, Model, Place, Shape, Site, Term, Variable};
 
 use crate::candidate::{Candidate, Physical};
 use crate::covariates::{is_order, name, order_of, value};
@@ -216,11 +216,11 @@ pub fn describe<'a>(
     }
     let variable = basis.of;
     let (factor, units) = match variable {
-        Variable::Joint { joint } => in_units(model, joint),
+        Variable::Joint { joint } => model.robot.kind(joint).unit(),
         Variable::Seq => (1.0, "pose"),
         _ => (1.0, "s"),
     };
-    let (off, off_units) = in_units(model, joint_of(first.site));
+    let (off, off_units) = model.robot.kind(joint_of(first.site)).unit();
     // "-32.0 deg"; a number of a pose needs no unit
     let counted = variable == Variable::Seq;
     let bare =
@@ -288,14 +288,6 @@ fn joint_of(place: Place) -> usize {
     if let Place::Joint(joint) = place { joint } else { 0 }
 }
 
-/// From SI to what people read of a joint, and its unit.
-fn in_units(model: &Model, joint: usize) -> (f64, &'static str) {
-    match model.robot.joints.get(joint.wrapping_sub(1)).map(|j| j.kind) {
-        Some(JointKind::Prismatic) => (1e3, "mm"),
-        _ => (1.0_f64.to_degrees(), "deg"),
-    }
-}
-
 /// What two angles tell together: the curve over the other one, with the joint itself in the middle of where it was.
 fn of_two(joint: usize, other: usize, c: &Candidate, model: &Model, data: &Dataset) -> Located {
     let angles = |joint: usize| sorted(&data.observations.iter().map(|o| o.state.q[joint - 1]).collect::<Vec<f64>>());
@@ -308,8 +300,8 @@ fn of_two(joint: usize, other: usize, c: &Candidate, model: &Model, data: &Datas
         let term = |t: &&Term| t.value * t.basis.shape.at(*middle).0 * t.basis.beside.map_or(1.0, |b| b.shape.at(u).0);
         fitted.iter().map(term).sum::<f64>()
     };
-    let (factor, unit) = in_units(model, other);
-    let (off, off_unit) = in_units(model, joint);
+    let (factor, unit) = model.robot.kind(other).unit();
+    let (off, off_unit) = model.robot.kind(joint).unit();
     let curve = (0..=40).map(|k| low + (high - low) * f64::from(k) / 40.0).map(|u| (u * factor, at(u) * off));
     Located {
         variable: name(Variable::Joint { joint: other }),

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use trical_ident::dataset::Dataset;
 use trical_ident::error::Result;
 use trical_ident::identify::Identified;
-use trical_model::{Basis, JointKind, Place, Shape, Site, Term, Variable};
+use trical_model::{Basis, Place, Shape, Site, Term, Variable};
 
 use crate::candidate::{Candidate, Physical};
 use crate::covariates::name;
@@ -34,18 +34,14 @@ pub fn ripples(fitted: &Identified, data: &Dataset) -> Result<Vec<Candidate>> {
     Ok(peaks
         .iter()
         .enumerate()
-        .filter(|(k, _)| !slides(fitted, k + 1))
+        // what slides has no turn that a gear could repeat in
+        .filter(|(k, _)| !fitted.model.robot.slides(k + 1))
         .flat_map(|(k, cycles)| cycles.iter().map(move |n| ripple(k + 1, *n, joints_of(fitted))))
         .collect())
 }
 
 fn joints_of(fitted: &Identified) -> usize {
     fitted.model.robot.dof()
-}
-
-/// Whether a joint, from 1, slides: it has no turn that a gear could repeat in.
-fn slides(fitted: &Identified, joint: usize) -> bool {
-    fitted.model.robot.joints.get(joint - 1).is_some_and(|j| j.kind == JointKind::Prismatic)
 }
 
 /// Errors that repeat faster than any gear turns, the strongest of each joint: no name is known for them.
@@ -85,7 +81,11 @@ pub fn fast(fitted: &Identified, data: &Dataset) -> Result<Vec<Candidate>> {
 /// How far joint `joint` moves until an error of so many cycles a turn (or every 2 pi m) repeats.
 fn every(fitted: &Identified, joint: usize, cycles: f64) -> String {
     let period = std::f64::consts::TAU / cycles;
-    if slides(fitted, joint) { format!("{:.3} mm", period * 1e3) } else { format!("{:.4} deg", period.to_degrees()) }
+    if fitted.model.robot.slides(joint) {
+        format!("{:.3} mm", period * 1e3)
+    } else {
+        format!("{:.4} deg", period.to_degrees())
+    }
 }
 
 /// Adds the errors of [`fast`] to what is asked where nothing was modelled: such an error can be so steep that no model can have it (an

@@ -1,7 +1,7 @@
 //! Places, variables and regions in words.
 
 use trical_ident::caution::listed;
-use trical_model::{JointKind, Robot};
+use trical_model::Robot;
 
 /// "97 %", "62 to 97 %".
 pub(crate) fn percents(of: [f64; 2]) -> String {
@@ -37,16 +37,11 @@ pub fn variable(name: &str, robot: &Robot) -> String {
     match (name, joint("q"), joint("dir")) {
         ("seq", ..) => "the number of the pose".into(),
         ("time", ..) => "the time".into(),
-        (_, Some(n), _) if slides(n, robot) => format!("the position of joint {n}"),
+        (_, Some(n), _) if robot.slides(n) => format!("the position of joint {n}"),
         (_, Some(n), _) => format!("the angle of joint {n}"),
         (_, _, Some(n)) => format!("the sense of joint {n}'s last motion"),
         _ => joint("tau").map_or_else(|| name.to_owned(), |n| format!("the torque of joint {n}")),
     }
-}
-
-/// Whether a joint, from 1, slides.
-fn slides(joint: usize, robot: &Robot) -> bool {
-    robot.joints.get(joint.wrapping_sub(1)).is_some_and(|j| j.kind == JointKind::Prismatic)
 }
 
 /// Where a mismatch without a known cause is, in words: "where the angle of joint 2 is below -32 deg", "depending on the angles of
@@ -77,7 +72,7 @@ pub(crate) fn period(region: &str) -> (&str, String) {
 /// Variables in words: "the angles of joints 3 and 4", "the position of joint 1 and the angle of joint 4".
 pub(crate) fn variables(names: &[&str], robot: &Robot) -> String {
     let joints: Vec<usize> = names.iter().filter_map(|name| name.strip_prefix('q')?.parse().ok()).collect();
-    let all = joints.len() == names.len() && joints.len() > 1 && !joints.iter().any(|j| slides(*j, robot));
+    let all = joints.len() == names.len() && joints.len() > 1 && !joints.iter().any(|j| robot.slides(*j));
     match numbered("joint", joints).filter(|_| all) {
         Some(said) => format!("the angles of {said}"),
         None => names.iter().map(|name| variable(name, robot)).collect::<Vec<_>>().join(" and "),
@@ -108,7 +103,7 @@ mod tests {
                 ["all moves, in proportion to the last one", "in all moves, in proportion to the last one"],
             ],
         );
-        robot.joints[0].kind = JointKind::Prismatic;
+        robot.joints[0].kind = trical_model::JointKind::Prismatic;
         said(
             &robot,
             &[

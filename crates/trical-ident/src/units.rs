@@ -17,7 +17,7 @@ pub struct Unit {
 /// The unit of a term's coefficient: that of a joint which slides is a length.
 #[must_use]
 pub fn unit(robot: &Robot, term: &Term) -> Unit {
-    let unit = magnitude(term, &|joint| kind_of(robot, joint));
+    let unit = magnitude(term, &|joint| robot.kind(joint));
     Unit { per_si: if term.basis.sense.is_some() { -unit.per_si } else { unit.per_si }, ..unit }
 }
 
@@ -25,11 +25,6 @@ pub fn unit(robot: &Robot, term: &Term) -> Unit {
 pub(crate) fn unit_of_turning(term: &Term) -> Unit {
     let unit = magnitude(term, &|_| JointKind::Revolute);
     Unit { per_si: if term.basis.sense.is_some() { -unit.per_si } else { unit.per_si }, ..unit }
-}
-
-/// How a joint (from 1) moves; one that the arm does not have turns.
-fn kind_of(robot: &Robot, joint: usize) -> JointKind {
-    joint.checked_sub(1).and_then(|k| robot.joints.get(k)).map_or_else(JointKind::default, |j| j.kind)
 }
 
 /// The unit, whatever the sense of motion does, of an arm whose joints (from 1) move as `kind` says.

@@ -4,15 +4,14 @@ use crate::basis::{Basis, Variable};
 use crate::error::Result;
 use crate::forward::{Forward, Model};
 use crate::recording::State;
-use crate::robot::{JointKind, Robot};
+use crate::robot::Robot;
 use crate::term::{Parameter, Site, Term};
 
 impl Robot {
     /// Whether joint 1 slides and carries an arm all of whose joints turn.
     #[must_use]
     pub fn is_on_rail(&self) -> bool {
-        let slides = |k: usize| self.joints.get(k).is_some_and(|j| j.kind == JointKind::Prismatic);
-        self.dof() > 4 && slides(0) && (1..self.dof()).all(|k| !slides(k))
+        self.dof() > 4 && self.slides(1) && (2..=self.dof()).all(|k| !self.slides(k))
     }
 }
 

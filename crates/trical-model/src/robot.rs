@@ -235,7 +235,19 @@ impl Robot {
     /// Which joints slide, joint 1 first.
     #[must_use]
     pub fn prismatic(&self) -> [bool; MAX_JOINTS] {
-        std::array::from_fn(|k| self.joints.get(k).is_some_and(|j| j.kind == JointKind::Prismatic))
+        std::array::from_fn(|k| self.slides(k + 1))
+    }
+
+    /// How a joint, from 1, moves; one that the arm does not have turns.
+    #[must_use]
+    pub fn kind(&self, joint: usize) -> JointKind {
+        joint.checked_sub(1).and_then(|k| self.joints.get(k)).map_or_else(JointKind::default, |j| j.kind)
+    }
+
+    /// Whether a joint, from 1, slides.
+    #[must_use]
+    pub fn slides(&self, joint: usize) -> bool {
+        self.kind(joint) == JointKind::Prismatic
     }
 
     /// Reads the text of a `robot.toml`; `file` is its name for messages.

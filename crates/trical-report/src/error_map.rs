@@ -62,12 +62,10 @@ impl ErrorMap {
 
     /// As text: joints in degrees (mm), place and error in mm.
     pub fn csv(&self) -> String {
-        let unit =
-            |kind: JointKind| if kind == JointKind::Prismatic { ("mm", 1e3) } else { ("deg", 1.0_f64.to_degrees()) };
-        let joints = self.kinds.iter().enumerate().map(|(k, j)| format!("q{}_{}", k + 1, unit(*j).0));
+        let joints = self.kinds.iter().enumerate().map(|(k, j)| format!("q{}_{}", k + 1, j.unit().1));
         let places = ["x_mm", "y_mm", "z_mm", "dx_mm", "dy_mm", "dz_mm", "error_mm"].map(String::from);
         let row = |m: &Miss| {
-            let joints = m.joints.iter().zip(&self.kinds).map(|(q, kind)| format!("{:.3}", q * unit(*kind).1));
+            let joints = m.joints.iter().zip(&self.kinds).map(|(q, kind)| format!("{:.3}", q * kind.unit().0));
             let lengths = m.at.iter().chain(m.off.iter()).copied().chain([m.off.norm()]);
             joints.chain(lengths.map(|v| format!("{:.4}", v * 1e3))).collect::<Vec<String>>()
         };

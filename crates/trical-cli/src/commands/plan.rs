@@ -8,7 +8,7 @@ use serde_json::json;
 use trical_device::PlanEntry;
 use trical_ident::{model_of_touches, usual_set, write_whole};
 
-use trical_model::{Cell, JointKind, Model, Robot};
+use trical_model::{Cell, Model, Robot};
 use trical_plan::{
     CollisionModel, Criterion, Facing, PlanError, PlanOptions, Sphere, ValidationOptions, plan_touches,
     poses_in_sphere, poses_in_workspace, read_plan, usual_start, write_plan,
@@ -298,15 +298,14 @@ fn points(args: &Args, out: &Path, robot: &Robot, cell: &Cell, count: usize) -> 
         Some(s) => poses_in_sphere(&model, &s.centre, s.radius, count, &options)?,
         None => poses_in_workspace(&model, count, &options)?,
     };
-    let unit = |kind| if kind == JointKind::Prismatic { ("mm", 1e3) } else { ("deg", 1.0_f64.to_degrees()) };
     let mut text = String::from("order");
     for (k, joint) in robot.joints.iter().enumerate() {
-        text += &format!(",q{}_{}", k + 1, unit(joint.kind).0);
+        text += &format!(",q{}_{}", k + 1, joint.kind.unit().1);
     }
     for (k, q) in poses.iter().enumerate() {
         text += &format!("\n{k}");
         for (joint, x) in robot.joints.iter().zip(q) {
-            text += &format!(",{:.6}", x * unit(joint.kind).1);
+            text += &format!(",{:.6}", x * joint.kind.unit().0);
         }
     }
     text.push('\n');

@@ -37,8 +37,9 @@ pub fn averaged(data: &Dataset) -> (Dataset, Option<Scatter>) {
         let one = mean_of(first, group);
         if group.len() > 1 {
             several.push(group.len() as f64);
-            freedom += (group.len() - 1) * lengths(&one.measured).len();
-            let all = group.iter().flat_map(|o| lengths(&o.measured).into_iter().zip(lengths(&one.measured)));
+            let of_mean = one.measured.lengths().1;
+            freedom += (group.len() - 1) * of_mean.len();
+            let all = group.iter().flat_map(|o| o.measured.lengths().1.iter().zip(of_mean));
             squares += all.map(|(v, mean)| (v - mean) * (v - mean)).sum::<f64>();
         }
         means.push(one);
@@ -55,15 +56,8 @@ pub fn averaged(data: &Dataset) -> (Dataset, Option<Scatter>) {
 
 /// Whether two observations of a pose are of the same thing, the arm having come the same way with the same load.
 fn is_same(a: &Observation, b: &Observation) -> bool {
-    let came = |s: &State| (s.dir, s.payload_kg, s.place);
-    let thing = match (&a.measured, &b.measured) {
-        (Measured::Touch { ball: a, .. }, Measured::Touch { ball: b, .. }) => a == b,
-        (Measured::Point { target: a, .. }, Measured::Point { target: b, .. }) => a == b,
-        (Measured::Distance { anchor: a, .. }, Measured::Distance { anchor: b, .. }) => a == b,
-        (Measured::Pose { .. }, Measured::Pose { .. }) => true,
-        _ => false,
-    };
-    thing && a.frame == b.frame && a.recording == b.recording && came(&a.state) == came(&b.state)
+    let came = |o: &Observation| (o.frame, o.recording, o.state.dir, o.state.payload_kg, o.state.place);
+    a.measured.blank() == b.measured.blank() && came(a) == came(b)
 }
 
 fn mean_of(first: &Observation, group: &[Observation]) -> Observation {
@@ -72,8 +66,7 @@ fn mean_of(first: &Observation, group: &[Observation]) -> Observation {
         of(&first.state).map(|_| all.iter().sum::<f64>() / all.len() as f64)
     };
     let state = State { t: mean(&|s| s.t), seq: mean(&|s| s.seq), temp_c: mean(&|s| s.temp_c), ..first.state };
-    let all: Vec<Vec<f64>> = group.iter().map(|o| lengths(&o.measured)).collect();
-    let length = |k: usize| all.iter().map(|v| v[k]).sum::<f64>() / group.len() as f64;
+    let length = |k: usize| group.iter().map(|o| o.measured.lengths().1[k]).sum::<f64>() / group.len() as f64;
     let three = || std::array::from_fn(length);
     let measured = match first.measured {
         Measured::Touch { ball, .. } => Measured::Touch { ball, reading: three() },
@@ -97,17 +90,6 @@ fn turned(group: &[Observation], first: [f64; 4]) -> [f64; 4] {
     }
     let norm = sum.iter().map(|v| v * v).sum::<f64>().sqrt();
     sum.map(|v| v / norm)
-}
-
-/// What of a measurement is a length.
-fn lengths(measured: &Measured) -> Vec<f64> {
-    match measured {
-        Measured::Touch { reading: p, .. }
-        | Measured::Point { position: p, .. }
-        | Measured::Reference { position: p, .. }
-        | Measured::Pose { position: p, .. } => p.to_vec(),
-        Measured::Distance { length, .. } => vec![*length],
-    }
 }
 
 #[cfg(test)]
@@ -148,7 +130,7 @@ mod tests {
         let seen: Vec<(usize, f64, f64)> = means
             .observations
             .iter()
-            .map(|o| (o.line, (lengths(&o.measured)[0] * 1e6).round() * 1e-3, o.state.t.unwrap()))
+            .map(|o| (o.line, (o.measured.lengths().1[0] * 1e6).round() * 1e-3, o.state.t.unwrap()))
             .collect();
         assert_eq!(seen, [(2, 13.0, 50.0 / 3.0), (3, 50.0, 10.0), (6, 20.0, 40.0), (7, 30.0, 50.0), (8, 40.0, 60.0)]);
         // 3 mm along one of three axes

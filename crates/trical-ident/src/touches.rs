@@ -17,18 +17,26 @@ pub fn model_of_touches(robot: &Robot, cell: &Cell, set: ParameterSet) -> Result
                 .into(),
         ));
     }
-    let touch = |ball| Row {
-        state: State::at(&[0.0; MAX_JOINTS]),
-        measured: Measured::Touch { ball, reading: [0.0; 3] },
-        seq: None,
-        line: 0,
-    };
-    let rows = (0..cell.balls.len()).map(touch).collect();
-    let recording = Recording { name: "plan".into(), joints: robot.dof(), rows, ..Recording::default() };
-    let data = Dataset::build(&[recording], JointSource::Read, None)?;
+    let data = planned(robot, (0..cell.balls.len()).map(|ball| (State::at(&[0.0; MAX_JOINTS]), ball)))?;
     let mut model = Model::nominal(robot.clone(), cell.clone());
     model.terms = independent_terms(&model, &data, &Choice::from(set))?.0;
     Ok(model)
+}
+
+/// Touches that are not made yet: the arm's state and the ball (from 0) of each.
+///
+/// # Errors
+/// No touches.
+pub fn planned(robot: &Robot, touches: impl Iterator<Item = (State, usize)>) -> Result<Dataset> {
+    let touch =
+        |(state, ball)| Row { state, measured: Measured::Touch { ball, reading: [0.0; 3] }, seq: None, line: 0 };
+    let recording = Recording {
+        name: "plan".into(),
+        joints: robot.dof(),
+        rows: touches.map(touch).collect(),
+        ..Recording::default()
+    };
+    Dataset::build(&[recording], JointSource::Read, None)
 }
 
 /// The richest of the usual sets that the robot allows: with compliance where the links have masses.

@@ -6,8 +6,9 @@ use trical_diagnose::catalogue::catalogue;
 use trical_diagnose::covariates::Covariates;
 use trical_diagnose::effects::ripple;
 use trical_diagnose::linear::Design;
-use trical_ident::{Dataset, JointSource, Noise};
-use trical_model::{Forward, Measured, Model, Place, Recording, Row, State};
+use trical_ident::Noise;
+use trical_ident::touches::planned;
+use trical_model::{Forward, Measured, Model, Place, State};
 use trical_plan::PlanEntry;
 
 use crate::error::Result;
@@ -38,21 +39,11 @@ pub type Lacking = (EffectId, &'static str);
 /// What measurements of a plan would see: every effect of the catalogue that such a recording could be asked about, and the
 /// effects that it could not, with what is missing. `model` has the terms that are to be identified; `noise` in m.
 pub fn seen(model: &Model, plan: &[PlanEntry], noise: f64) -> Result<(Vec<Seen>, Vec<Lacking>)> {
-    let mut t = 0.0;
-    let rows = plan
-        .iter()
-        .map(|e| {
-            t += TOUCH_TIME;
-            Row {
-                state: State { dir: Some(e.senses()), t: Some(t), ..State::at(&e.joints) },
-                measured: Measured::Touch { ball: e.ball, reading: [0.0; 3] },
-                seq: None,
-                line: 0,
-            }
-        })
-        .collect();
-    let recording = Recording { name: "plan".into(), joints: model.robot.dof(), rows, ..Recording::default() };
-    let data = Dataset::build(&[recording], JointSource::Read, None)?;
+    let touch = |(k, e): (usize, &PlanEntry)| {
+        let t = Some(TOUCH_TIME * (k + 1) as f64);
+        (State { dir: Some(e.senses()), t, ..State::at(&e.joints) }, e.ball)
+    };
+    let data = planned(&model.robot, plan.iter().enumerate().map(touch))?;
     let (mut candidates, untestable) = catalogue(&Covariates::new(model, &data, noise), &[]);
     let joints = model.robot.dof();
     candidates.extend((1..=joints).flat_map(|joint| RIPPLES.map(|cycles| ripple(joint, cycles, joints))));

@@ -4,14 +4,12 @@ use nalgebra::Vector3;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
-use trical_ident::dataset::{Dataset, JointSource};
-use trical_ident::identifiability::{Choice, ParameterSet, independent_terms};
+use trical_ident::identifiability::ParameterSet;
 use trical_ident::rigid::rigid_from_points;
+use trical_ident::touches::model_of_touches;
 use trical_model::ik::nearest_solution;
 use trical_model::pose::{angles_zyx, rotation_x, rotation_z};
-use trical_model::{
-    Forward, Joints, MAX_JOINTS, Measured, Model, Motion, Parameter, Pose, Recording, Row, Site, State,
-};
+use trical_model::{Forward, Joints, MAX_JOINTS, Model, Motion, Parameter, Pose, Site, State};
 
 use super::error::{Result, TruthError};
 
@@ -26,18 +24,7 @@ pub fn draw_truth(nominal: &Model, seed: u64) -> Result<Model> {
         let x: f64 = StandardNormal.sample(&mut rng);
         x * sd
     };
-    let touch = |ball| Row {
-        state: State::at(&[0.0; MAX_JOINTS]),
-        measured: Measured::Touch { ball, reading: [0.0; 3] },
-        seq: None,
-        line: 0,
-    };
-    let rows = (0..nominal.cell.balls.len()).map(touch).collect();
-    let recording = Recording { name: "truth".into(), joints: nominal.robot.dof(), rows, ..Recording::default() };
-    let data = Dataset::build(&[recording], JointSource::Read, None)?;
-    let choice = Choice::from(ParameterSet::Compliance);
-    let mut model = nominal.clone();
-    model.terms = independent_terms(nominal, &data, &choice)?.0;
+    let mut model = model_of_touches(&nominal.robot, &nominal.cell, ParameterSet::Compliance)?;
     for t in &mut model.terms {
         t.value = match t.site {
             Site::Base(Motion::Along(_)) => draw(0.5e-3),

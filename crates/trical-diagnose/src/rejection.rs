@@ -4,9 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
-use trical_ident::dataset::{Dataset, Observation, Rejected};
+use trical_ident::dataset::{Dataset, Observation};
 use trical_ident::error::Result;
-use trical_ident::fit::{position_errors, weighted_residuals};
+use trical_ident::fit::{length, position_errors, weighted_residuals};
 use trical_ident::gross::{right_ball, wrong_ball};
 use trical_ident::identify::Identified;
 use trical_ident::noise::Noise;
@@ -18,7 +18,6 @@ use crate::settings::{OUTLIER_SHARE, OUTLIER_SIGMAS, OUTLIERS, REPEATS_BY_CHANCE
 #[must_use]
 pub fn without_stale(data: &Dataset) -> Dataset {
     let mut out = data.clone();
-    let mut stale: BTreeSet<usize> = BTreeSet::new();
     let rare = expected_repeats(data) < REPEATS_BY_CHANCE;
     for pair in data.observations.windows(2) {
         let (a, b) = (&pair[0], &pair[1]);
@@ -38,18 +37,11 @@ pub fn without_stale(data: &Dataset) -> Dataset {
             _ => false,
         };
         if same {
-            stale.insert(b.row);
-            out.rejected.push(Rejected {
-                recording: data.names[b.recording].clone(),
-                line: b.line,
-                row: b.row,
-                reason: "repeats the reading before it to the last digit although the arm moved: a stale value".into(),
-            });
+            let why = "repeats the reading before it to the last digit although the arm moved: a stale value";
+            out.reject(b, why.into());
         }
     }
-    out.observations.retain(|o| !stale.contains(&o.row));
-    out.rejected.sort_by_key(|r| r.row);
-    out
+    out.without_rejected()
 }
 
 /// How many touches would repeat all three readings of the one before by chance: for each indicator the probability that two
@@ -72,10 +64,6 @@ fn expected_repeats(data: &Dataset) -> f64 {
         counts.values().map(|c| c * (c - 1.0)).sum::<f64>() / (n * (n - 1.0)).max(1.0)
     };
     n * agree(0) * agree(1) * agree(2)
-}
-
-fn length(v: &[f64]) -> f64 {
-    v.iter().map(|v| v * v).sum::<f64>().sqrt()
 }
 
 /// Rows that a fit has less than half as far off as the model `without` what it found, or within the scatter of what it was fitted to.
@@ -140,24 +128,14 @@ pub fn without_outliers(fitted: &Identified, all: &Dataset) -> Result<Dataset> {
     let mut out = all.clone();
     for (k, length) in &far {
         let o = &all.observations[*k];
-        out.rejected.push(Rejected {
-            recording: all.names[o.recording].clone(),
-            line: o.line,
-            row: o.row,
-            reason: wrong_ball(
-                format!(
-                    "is {:.3} mm{} off, {length:.0} times the scatter of the others: an outlier",
-                    errors[*k] * 1e3,
-                    turned(&residuals[*k].0, o, &noise)
-                ),
-                right_ball(&forward, &noise, o, &mut ws),
-            ),
-        });
+        let off = format!(
+            "is {:.3} mm{} off, {length:.0} times the scatter of the others: an outlier",
+            errors[*k] * 1e3,
+            turned(&residuals[*k].0, o, &noise)
+        );
+        out.reject(o, wrong_ball(off, right_ball(&forward, &noise, o, &mut ws)));
     }
-    let rows: BTreeSet<usize> = far.iter().map(|(k, _)| all.observations[*k].row).collect();
-    out.observations.retain(|o| !rows.contains(&o.row));
-    out.rejected.sort_by_key(|r| r.row);
-    Ok(out)
+    Ok(out.without_rejected())
 }
 
 /// By how much a pose's orientation is off, in words: " and 0.120 deg".

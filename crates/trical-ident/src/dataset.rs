@@ -164,7 +164,7 @@ impl Dataset {
             row += recording.rows.len();
             if framed {
                 let known = known.and_then(|k| k.get(this.references.len()));
-                let found = this.register(first_observation, &references, known, &recording.name);
+                let found = this.register(first_observation, &references, known);
                 this.references.push(found);
             }
         }
@@ -214,13 +214,7 @@ impl Dataset {
     }
 
     /// Brings every pose of one recording into the frame in which its references stand still.
-    fn register(
-        &mut self,
-        first_observation: usize,
-        seen: &[(usize, Seen)],
-        known: Option<&References>,
-        name: &str,
-    ) -> References {
+    fn register(&mut self, first_observation: usize, seen: &[(usize, Seen)], known: Option<&References>) -> References {
         let count = seen.iter().map(|s| s.1.0 + 1).max().unwrap_or(0);
         let known = known.filter(|k| k.positions.iter().flatten().count() >= 3);
         if count < 3 {
@@ -250,8 +244,8 @@ impl Dataset {
                     move_by(pose, &mut o.measured);
                     self.observations.push(o);
                 }
-                Some(Err(reason)) => self.reject(&o, name, reason.clone()),
-                None => self.reject(&o, name, "no references were seen at this pose".into()),
+                Some(Err(reason)) => self.reject(&o, reason.clone()),
+                None => self.reject(&o, "no references were seen at this pose".into()),
             }
         }
         References { positions: places.iter().map(|p| p.map(Into::into)).collect() }
@@ -278,8 +272,19 @@ impl Dataset {
         self.observations.iter().map(|o| residual_rows(&o.measured)).sum()
     }
 
-    fn reject(&mut self, o: &Observation, name: &str, reason: String) {
-        self.rejected.push(Rejected { recording: name.to_owned(), line: o.line, row: o.row, reason });
+    /// Rejects an observation, which [`Dataset::without_rejected`] then leaves out.
+    pub fn reject(&mut self, o: &Observation, reason: String) {
+        let recording = self.names[o.recording].clone();
+        self.rejected.push(Rejected { recording, line: o.line, row: o.row, reason });
+    }
+
+    /// Without the observations that were rejected, which are in the order of their rows.
+    #[must_use]
+    pub fn without_rejected(mut self) -> Self {
+        self.rejected.sort_by_key(|r| r.row);
+        let is_rejected = |row| self.rejected.binary_search_by_key(&row, |r| r.row).is_ok();
+        self.observations.retain(|o| !is_rejected(o.row));
+        self
     }
 
     /// This data with only those observations for which `keep` holds.

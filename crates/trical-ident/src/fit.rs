@@ -117,7 +117,9 @@ pub fn weighted_residuals(forward: &Forward, data: &Dataset, noise: &Noise) -> V
         .collect()
 }
 
-pub(crate) fn length(v: &[f64]) -> f64 {
+/// Euclidean length.
+#[must_use]
+pub fn length(v: &[f64]) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 

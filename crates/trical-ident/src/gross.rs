@@ -2,7 +2,7 @@
 
 use trical_model::{Cell, Forward, Measured, Robot, Workspace};
 
-use crate::dataset::{Dataset, Observation, Rejected};
+use crate::dataset::{Dataset, Observation};
 use crate::error::{IdentError, Result};
 use crate::fit::{check_observations, length, weighted_residuals};
 use crate::identifiability::{Choice, OwnSetup, ParameterSet};
@@ -59,21 +59,13 @@ pub fn reject_gross_errors_beyond(robot: &Robot, cell: &Cell, data: &Dataset, li
         }
         let mut ws = forward.workspace();
         for i in &bad {
-            let o = &kept.observations[*i];
-            let ball = right_ball(&forward, &noise, o, &mut ws);
+            let o = kept.observations[*i];
+            let ball = right_ball(&forward, &noise, &o, &mut ws);
             let rows = forward.residual(&o.state, &o.measured, o.frame, &mut ws);
-            kept.rejected.push(Rejected {
-                recording: kept.names[o.recording].clone(),
-                line: o.line,
-                row: o.row,
-                reason: gross_error(&ws.residual()[..rows], &residuals[*i].0[..rows], ball),
-            });
+            kept.reject(&o, gross_error(&ws.residual()[..rows], &residuals[*i].0[..rows], ball));
         }
-        // they are in order
-        let rows: Vec<usize> = bad.iter().map(|i| kept.observations[*i].row).collect();
-        kept.observations.retain(|o| rows.binary_search(&o.row).is_err());
+        kept = kept.without_rejected();
     }
-    kept.rejected.sort_by_key(|r| r.row);
     Ok(kept)
 }
 

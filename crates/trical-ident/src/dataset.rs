@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
-use trical_model::{Joints, Measured, Pose, Recording, Row, State, residual_rows};
+use trical_model::{Joints, Measured, Motion, Pose, Recording, Row, State, residual_rows};
 
 use crate::error::{IdentError, Result};
 use crate::repeated::refuse_repeated;
@@ -350,6 +350,23 @@ impl Dataset {
         poses.dedup();
         poses
     }
+}
+
+/// What measurements tell of the tool: its motions (of the TCP; with poses of its direction, too; none with points alone), and its targets, from 1.
+pub(crate) fn told_of_tool(
+    targets: usize,
+    measured: impl Iterator<Item = Measured> + Clone,
+) -> (&'static [Motion], Vec<usize>) {
+    let any = |such: &dyn Fn(&Measured) -> bool| measured.clone().any(|m| such(&m));
+    let motions = if any(&|m| matches!(m, Measured::Pose { .. })) {
+        6
+    } else if any(&|m| matches!(m, Measured::Touch { .. } | Measured::Distance { .. })) {
+        3
+    } else {
+        0
+    };
+    let seen = |target: &usize| any(&|m| matches!(m, Measured::Point { target: t, .. } if *t + 1 == *target));
+    (&Motion::ALL[..motions], (1..=targets).filter(seen).collect())
 }
 
 /// The references seen at each pose, moved onto their places: how, and by how much one of them is off then; places that are not `known` move onto

@@ -8,7 +8,7 @@ use trical_model::{
 };
 
 use crate::ball_places::{self, base_is_fixed, unknown_places};
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, told_of_tool};
 use crate::degenerate::hardly_moving;
 use crate::error::Result;
 use crate::fit::factor;
@@ -344,7 +344,6 @@ fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Term
     let n = model.robot.dof();
     let touch = data.has(|m| matches!(m, Measured::Touch { .. } | Measured::Distance { .. }));
     let based = data.has(|m| matches!(m, Measured::Distance { .. })) || base_is_fixed(&model.cell, data);
-    let pose = data.has(|m| matches!(m, Measured::Pose { .. }));
     let mut terms = Vec::new();
     let many = model.frames.len() > 1;
     for frame in 1..=model.frames.len() {
@@ -358,18 +357,13 @@ fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Term
             terms.push(constant(format!("base_{}", m.name()), "base", Site::Base(m)));
         }
     }
-    if touch || pose {
-        for m in Motion::ALL.iter().take(if pose { 6 } else { 3 }) {
-            terms.push(constant(format!("tool_{}", m.name()), "tool", Site::Tool(*m)));
-        }
-    }
     let targets = model.cell.tool.targets.len();
-    for target in 1..=targets {
-        if data.has(|m| matches!(m, Measured::Point { target: t, .. } if *t + 1 == target)) {
-            for axis in trical_model::Axis::ALL {
-                let name = if targets == 1 { "target".to_owned() } else { format!("target{target}") };
-                terms.push(constant(format!("{name}_{}", axis.name()), "target", Site::Target { target, axis }));
-            }
+    let (motions, seen) = told_of_tool(targets, data.observations.iter().map(|o| o.measured));
+    terms.extend(motions.iter().map(|m| constant(format!("tool_{}", m.name()), "tool", Site::Tool(*m))));
+    for target in seen {
+        for axis in trical_model::Axis::ALL {
+            let name = if targets == 1 { "target".to_owned() } else { format!("target{target}") };
+            terms.push(constant(format!("{name}_{}", axis.name()), "target", Site::Target { target, axis }));
         }
     }
     let places = unknown_places(&model.cell, data);

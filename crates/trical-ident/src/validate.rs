@@ -9,7 +9,7 @@ use trical_model::{
 };
 
 use crate::ball_places::{self, place_of, training_poses};
-use crate::dataset::{Dataset, JointSource, Observation, References, Rejected};
+use crate::dataset::{Dataset, JointSource, Observation, References, Rejected, told_of_tool};
 use crate::degenerate::{hardly_moving, little};
 use crate::error::Result;
 use crate::fit::position_errors;
@@ -443,19 +443,10 @@ fn places(
 }
 
 /// What measurements tell of the tool: its TCP, with poses its direction, its targets.
-fn tool_sites(cell: &Cell, measured: impl Iterator<Item = Measured>) -> Vec<Site> {
-    let measured: Vec<Measured> = measured.collect();
-    let any = |f: &dyn Fn(&Measured) -> bool| measured.iter().any(f);
-    let pose = any(&|m| matches!(m, Measured::Pose { .. }));
-    let tcp = pose || any(&|m| matches!(m, Measured::Touch { .. } | Measured::Distance { .. }));
-    let motions = &Motion::ALL[..if pose { 6 } else { 3 }];
-    let mut out: Vec<Site> = motions.iter().filter(|_| tcp).map(|m| Site::Tool(*m)).collect();
-    for target in 1..=cell.tool.targets.len() {
-        if any(&|m| matches!(m, Measured::Point { target: t, .. } if *t + 1 == target)) {
-            out.extend(trical_model::Axis::ALL.map(|axis| Site::Target { target, axis }));
-        }
-    }
-    out
+fn tool_sites(cell: &Cell, measured: impl Iterator<Item = Measured> + Clone) -> Vec<Site> {
+    let (motions, targets) = told_of_tool(cell.tool.targets.len(), measured);
+    let of_target = |target| trical_model::Axis::ALL.map(|axis| Site::Target { target, axis });
+    motions.iter().map(|m| Site::Tool(*m)).chain(targets.into_iter().flat_map(of_target)).collect()
 }
 
 /// What is to be identified of the tool of a recording: all of it where that is asked for, else what the model does not

@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
-use trical_model::{Axis, Basis, Measured, Model, Motion, Scope, Site, Term};
+use trical_model::{Axis, Basis, Model, Motion, Scope, Site, Term};
 
 use super::settings::{EXPANSION, FEW};
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, told_of_tool};
 use crate::model_file::{ModelFile, Uncertainty};
 
 /// Something that may have changed.
@@ -116,17 +116,9 @@ impl Explained {
 
 /// What measurements see of the tool, by its names: the TCP, with poses its direction, targets.
 fn tool_sites(model: &Model, data: &Dataset) -> Vec<(String, Site)> {
-    let mut tool: Vec<(String, Site)> = Vec::new();
-    if data.has(|m| !matches!(m, Measured::Point { .. })) {
-        let pose = data.has(|m| matches!(m, Measured::Pose { .. }));
-        let motions = &Motion::ALL[..if pose { 6 } else { 3 }];
-        tool.extend(motions.iter().map(|m| (format!("tool {}", m.name()), Site::Tool(*m))));
-    }
-    for target in 1..=model.cell.tool.targets.len() {
-        if data.has(|m| matches!(m, Measured::Point { target: t, .. } if *t + 1 == target)) {
-            let site = |axis: Axis| (format!("target {target} {}", axis.name()), Site::Target { target, axis });
-            tool.extend(Axis::ALL.map(site));
-        }
-    }
-    tool
+    let (motions, targets) = told_of_tool(model.cell.tool.targets.len(), data.observations.iter().map(|o| o.measured));
+    let site = |target, axis: Axis| (format!("target {target} {}", axis.name()), Site::Target { target, axis });
+    let of_target = |target| Axis::ALL.map(|axis| site(target, axis));
+    let motions = motions.iter().map(|m| (format!("tool {}", m.name()), Site::Tool(*m)));
+    motions.chain(targets.into_iter().flat_map(of_target)).collect()
 }

@@ -233,10 +233,7 @@ impl Candidate {
 
 /// Cycles a turn, if a term is a wave.
 pub(crate) fn cycles_of(t: &Term) -> Option<f64> {
-    match t.basis.shape {
-        Shape::Sine { cycles } | Shape::Cosine { cycles } => Some(cycles),
-        _ => None,
-    }
+    t.basis.shape.cycles()
 }
 
 /// Candidates that say the same as curves in other words: the curves themselves, waves of theirs, and free curves of the same angle at the

@@ -145,6 +145,15 @@ pub enum Shape {
 }
 
 impl Shape {
+    /// Cycles a turn, if it is a wave.
+    #[must_use]
+    pub const fn cycles(self) -> Option<f64> {
+        match self {
+            Self::Sine { cycles } | Self::Cosine { cycles } => Some(cycles),
+            _ => None,
+        }
+    }
+
     /// Whether its parameters give finite values.
     ///
     /// # Errors

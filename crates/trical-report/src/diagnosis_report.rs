@@ -275,10 +275,7 @@ pub fn against(f: &Finding, d: &Diagnosis) -> Result<Against> {
 fn coefficients(f: &Finding, d: &Diagnosis) -> Vec<String> {
     let wave = |name: &str| {
         let term = d.model.terms.iter().find(|t| t.name == name)?;
-        match term.basis.shape {
-            Shape::Sine { cycles } | Shape::Cosine { cycles } => Some((term.site, term.basis.of, cycles)),
-            _ => None,
-        }
+        Some((term.site, term.basis.of, term.basis.shape.cycles()?))
     };
     let mut rest = f.coefficients.as_slice();
     let mut told = Vec::new();

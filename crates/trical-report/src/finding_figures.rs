@@ -4,7 +4,7 @@ use nalgebra::Vector6;
 use plotters::style::RGBColor;
 use trical_diagnose::{Diagnosis, EffectId, Finding};
 use trical_ident::{Dataset, Noise};
-use trical_model::{Basis, JointKind, Measured, Model, Shape, Site, Term, Variable};
+use trical_model::{Basis, JointKind, Measured, Model, Site, Term, Variable};
 
 use crate::error::Result;
 use crate::evidence::six;
@@ -187,14 +187,7 @@ fn amplitudes(points: &[(usize, f64, f64)], most: u32) -> Vec<(f64, f64)> {
 /// A model that cannot be evaluated, or a figure that cannot be drawn.
 pub fn figures(f: &Finding, d: &Diagnosis) -> Result<Vec<Figure>> {
     let Some(angles) = angles(f, d)? else { return Ok(Vec::new()) };
-    let mut cycles: Vec<f64> = angles
-        .terms
-        .iter()
-        .filter_map(|t| match t.basis.shape {
-            Shape::Sine { cycles } | Shape::Cosine { cycles } => Some(cycles),
-            _ => None,
-        })
-        .collect();
+    let mut cycles: Vec<f64> = angles.terms.iter().filter_map(|t| t.basis.shape.cycles()).collect();
     if f.effect != EffectId::GearRipple {
         return Ok(vec![fitted_curve(&angles, d)?]);
     }
@@ -217,7 +210,7 @@ mod tests {
     use super::*;
     use crate::test_data::{arm, data, pose};
     use nalgebra::{Rotation3, UnitQuaternion};
-    use trical_model::Forward;
+    use trical_model::{Forward, Shape};
 
     /// A tool on the axis of the last joint is not moved by it, only turned.
     #[test]

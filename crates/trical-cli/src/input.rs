@@ -187,6 +187,15 @@ pub fn check_names<'a>(
     output::check_apart(&before).map_err(CliError::Input)
 }
 
+/// [`check_names`], and [`check_output`] of each.
+pub fn check_outputs<'a, const N: usize>(
+    outputs: [(&'static str, &'static str, Option<&PathBuf>); N],
+    inputs: impl IntoIterator<Item = &'a Path> + Clone,
+) -> Result<()> {
+    check_names(outputs)?;
+    outputs.iter().filter_map(|o| o.2).try_for_each(|path| check_output(path, inputs.clone()))
+}
+
 /// The same as [`check_output`] of a command that writes a recording.
 pub fn check_recording<'a>(path: &Path, inputs: impl IntoIterator<Item = &'a Path>) -> Result<()> {
     Ok(output::check_output(path, inputs)?)

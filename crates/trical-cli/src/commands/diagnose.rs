@@ -55,14 +55,12 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     let files = input::files(&args.recordings, &args.cell, args.known.as_deref());
-    input::check_names([
+    let outputs = [
         ("--out", "model", args.out.as_ref()),
         ("--report", "page", args.report.as_ref()),
         ("--next-out", "plan", args.next.map(|_| &args.next_out)),
-    ])?;
-    for file in [&args.out, &args.report].into_iter().flatten().chain(args.next.map(|_| &args.next_out)) {
-        input::check_output(file, files.iter().copied())?;
-    }
+    ];
+    input::check_outputs(outputs, files.iter().copied())?;
     let (robot, cell) = args.cell.load()?;
     if args.next.is_some() && !cell.balls_fix_base(|_| true) {
         return Err(CliError::Input(

@@ -45,15 +45,13 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    input::check_names([
+    let outputs = [
         ("--urdf", "URDF", args.urdf.as_ref()),
         ("--mdh", "table", args.mdh.as_ref()),
         ("--error-map", "error map", args.error_map.as_ref()),
         ("--ur-kinematics", "kinematics", args.ur_kinematics.as_ref()),
-    ])?;
-    for out in [&args.urdf, &args.mdh, &args.error_map, &args.ur_kinematics].into_iter().flatten() {
-        input::check_output(out, [Some(&args.model), args.robot.as_ref()].into_iter().flatten().map(PathBuf::as_path))?;
-    }
+    ];
+    input::check_outputs(outputs, [args.model.as_path()].into_iter().chain(args.robot.as_deref()))?;
     let file = ModelFile::load(&args.model)?;
     if let Some(robot) = &args.robot {
         file.require_robot(&Robot::load(robot)?, &args.model.display().to_string())?;

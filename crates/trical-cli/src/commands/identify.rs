@@ -95,14 +95,12 @@ fn joint(text: &str) -> std::result::Result<usize, String> {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     let files = input::files(&args.recordings, &args.cell, args.known.as_deref());
-    input::check_names([
+    let outputs = [
         ("--out", "model", args.out.as_ref()),
         ("--report", "page", args.report.as_ref()),
         ("--certificate", "page", args.certificate.as_ref()),
-    ])?;
-    for file in [&args.out, &args.report, &args.certificate].into_iter().flatten() {
-        input::check_output(file, files.iter().copied())?;
-    }
+    ];
+    input::check_outputs(outputs, files.iter().copied())?;
     let (robot, cell) = args.cell.load()?;
     let known = args.known.as_deref().map(KnownParameters::load).transpose()?.unwrap_or_default();
     let options = Options {

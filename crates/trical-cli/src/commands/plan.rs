@@ -206,10 +206,8 @@ pub fn load(path: &Path, robot: &Robot, balls: usize) -> Result<Vec<PlanEntry>> 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     check_counts(args)?;
-    input::check_names([("--out", "plan", args.out.as_ref()), ("--report", "page", args.report.as_ref())])?;
-    for out in [args.out.as_ref(), args.report.as_ref()].into_iter().flatten() {
-        input::check_output(out, args.cell.files())?;
-    }
+    let outputs = [("--out", "plan", args.out.as_ref()), ("--report", "page", args.report.as_ref())];
+    input::check_outputs(outputs, args.cell.files())?;
     let (robot, cell) = args.cell.load()?;
     let few = (1..3).contains(&cell.balls.len());
     let worth = || {

@@ -42,13 +42,8 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     let files = input::files(&args.recordings, &args.cell, Some(&args.model));
-    input::check_names([
-        ("--report", "page", args.report.as_ref()),
-        ("--certificate", "page", args.certificate.as_ref()),
-    ])?;
-    for file in [&args.report, &args.certificate].into_iter().flatten() {
-        input::check_output(file, files.iter().copied())?;
-    }
+    let outputs = [("--report", "page", args.report.as_ref()), ("--certificate", "page", args.certificate.as_ref())];
+    input::check_outputs(outputs, files.iter().copied())?;
     let (robot, cell) = args.cell.load()?;
     let file = ModelFile::load(&args.model)?;
     file.require_robot(&robot, &args.model.display().to_string())?;

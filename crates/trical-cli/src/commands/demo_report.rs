@@ -91,34 +91,29 @@ fn errors(models: &Models, scores: &[Scored; 2]) -> Result<Section> {
         ([("nominal arm", 0), ("plain model", 1)], ("plain model", 1))
     };
     let (by_q2, by_distance) = ("angle of joint 2, deg", "distance from the sphere's centre, mm");
-    let figure = |caption: String, svg: String| Figure { caption, svg };
-    Ok(Section {
-        heading: "Position error at poses that were never measured".into(),
-        text: vec![
+    Ok(Section::new("Position error at poses that were never measured")
+        .with_text([
             "At 100 poses in a sphere of 400 mm diameter and at 500 in the whole workspace, against the true arm. The nominal arm has base and \
-             tool identified."
-                .into(),
-        ],
-        tables: vec![error_rows(models, scores)],
-        figures: vec![
-            figure("Error against joint 2, whole workspace.".into(), against(by_q2, &q2, whole, &pair)?),
-            figure(
-                "Error against the distance from the sphere's centre, whole workspace.".into(),
+             tool identified.",
+        ])
+        .with_tables([error_rows(models, scores)])
+        .with_figures([
+            Figure::new("Error against joint 2, whole workspace.", against(by_q2, &q2, whole, &pair)?),
+            Figure::new(
+                "Error against the distance from the sphere's centre, whole workspace.",
                 against(by_distance, &distance, whole, &pair)?,
             ),
-            figure(
+            Figure::new(
                 format!(
                     "The best model alone, against joint 2. The touches reached down to {lowest:.0} deg: below, the model extrapolates."
                 ),
                 against(by_q2, &q2, whole, &[last])?,
             ),
-            figure(
-                "The best model alone, against the distance from the centre.".into(),
+            Figure::new(
+                "The best model alone, against the distance from the centre.",
                 against(by_distance, &distance, whole, &[last])?,
             ),
-        ],
-        ..Section::default()
-    })
+        ]))
 }
 
 fn touches(models: &Models, told: &Told) -> Result<Section> {
@@ -132,16 +127,11 @@ fn touches(models: &Models, told: &Told) -> Result<Section> {
     let mut figures = plan_report::pictures(&fitted.model.robot, &fitted.model.cell, told)?;
     figures.truncate(1);
     let series = [Series { name: "residual", color: AFTER, points: residuals }];
-    figures.push(Figure {
-        caption: "What the plain model leaves of each touch.".into(),
-        svg: plots::scatter("touch", "residual, mm", true, false, &series)?,
-    });
-    Ok(Section {
-        heading: "The touches".into(),
-        text: vec![format!("{} touches, in the order of measurement.", fitted.data.observations.len())],
-        figures,
-        ..Section::default()
-    })
+    let plot = plots::scatter("touch", "residual, mm", true, false, &series)?;
+    figures.push(Figure::new("What the plain model leaves of each touch.", plot));
+    Ok(Section::new("The touches")
+        .with_text([format!("{} touches, in the order of measurement.", fitted.data.observations.len())])
+        .with_figures(figures))
 }
 
 /// The whole report; `driven` has the errors of the program's targets as written and as compensated.
@@ -170,24 +160,21 @@ pub fn render(
         sections.push(diagnosis_report::finding_section(k + 1, f, &models.diagnosis)?);
     }
     sections.push(errors(models, scores)?);
-    sections.push(Section {
-        heading: "A program, rewritten".into(),
-        text: vec![
-            "The targets of sample.mod, driven on the virtual arm as they were written, and as compensated.".into(),
-        ],
-        tables: vec![error_table(&[("as written", &driven[0]), ("compensated", &driven[1])])],
-        ..Section::default()
-    });
+    sections.push(
+        Section::new("A program, rewritten")
+            .with_text([
+                "The targets of sample.mod, driven on the virtual arm as they were written, and as compensated.",
+            ])
+            .with_tables([error_table(&[("as written", &driven[0]), ("compensated", &driven[1])])]),
+    );
     sections.push(touches(models, told)?);
-    sections.push(Section {
-        heading: "Parameters of the plain model".into(),
-        text: vec![
-            "Nominal, identified, and standard deviation. alpha_k and a_k lie between axes k and k+1; rotations of the base are what is \
-             added to cell.toml."
-                .into(),
-        ],
-        tables: vec![parameter_rows(&models.plain)],
-        ..Section::default()
-    });
+    sections.push(
+        Section::new("Parameters of the plain model")
+            .with_text([
+                "Nominal, identified, and standard deviation. alpha_k and a_k lie between axes k and k+1; rotations of the base are what is \
+                 added to cell.toml.",
+            ])
+            .with_tables([parameter_rows(&models.plain)]),
+    );
     Ok(page("TriCal: calibration and diagnosis of a virtual cell", &said, &sections, made)?)
 }

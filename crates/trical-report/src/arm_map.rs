@@ -8,6 +8,7 @@ use trical_model::{Forward, Place, Pose};
 
 use crate::error::Result;
 use crate::picture::escaped;
+use crate::plots::span;
 
 /// Colours of lines, and of places where something was found.
 const INK: &str = "#47566a";
@@ -72,9 +73,7 @@ pub fn draw(d: &Diagnosis, headings: &[String]) -> Result<String> {
     const HIGHEST: f64 = 300.0;
     let mut flat = from_the_side(&places(d)?);
     move_apart(&mut flat);
-    let low = |f: fn(&(f64, f64)) -> f64| flat.iter().map(f).fold(f64::INFINITY, f64::min);
-    let most = |f: fn(&(f64, f64)) -> f64| flat.iter().map(f).fold(f64::NEG_INFINITY, f64::max);
-    let (left, right, down, up) = (low(|p| p.0), most(|p| p.0), low(|p| p.1), most(|p| p.1));
+    let ((left, right), (down, up)) = (span(flat.iter().map(|p| p.0)), span(flat.iter().map(|p| p.1)));
     let scale = ((WIDE - 100.0) / (right - left).max(1e-3)).min((HIGHEST - 90.0) / (up - down).max(1e-3));
     let high = ((up - down) * scale + 90.0).ceil();
     let at = |p: &(f64, f64)| (60.0 + (p.0 - left) * scale, high - 50.0 - (p.1 - down) * scale);

@@ -9,6 +9,7 @@ use trical_model::Model;
 use crate::error::{Error, Result};
 use crate::evidence::{in_socket, row, where_measured};
 use crate::page::{self, Made};
+use crate::plots::span;
 use crate::table;
 use crate::validate_report::cautions;
 
@@ -112,8 +113,7 @@ fn how_joints(data: &Dataset) -> &'static str {
 }
 
 fn temperature(data: &Dataset) -> String {
-    let all = || data.observations.iter().filter_map(|o| o.state.temp_c);
-    let (low, high) = (all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max));
+    let (low, high) = span(data.observations.iter().filter_map(|o| o.state.temp_c));
     if low.is_finite() { format!("{low:.1} to {high:.1} degC") } else { BY_HAND.to_owned() }
 }
 

@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::heat;
 use crate::page::{Figure, Section};
 use crate::picture::{self, Mark, Scene, View};
-use crate::plots::{self, AFTER, BEFORE, Series};
+use crate::plots::{self, AFTER, BEFORE, Series, span};
 use crate::table;
 use crate::turn;
 
@@ -242,11 +242,6 @@ fn coverage(robot: &Robot, poses: &[Joints]) -> Vec<Vec<String>> {
         rows.push(cells);
     }
     rows
-}
-
-/// The smallest and the largest.
-pub fn span(values: impl Iterator<Item = f64>) -> (f64, f64) {
-    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
 }
 
 /// Cells of a joint: its number, the lowest and highest position, its limits.

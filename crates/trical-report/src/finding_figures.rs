@@ -9,7 +9,7 @@ use trical_model::{Basis, JointKind, Measured, Model, Site, Term, Variable};
 use crate::error::Result;
 use crate::evidence::six;
 use crate::page::Figure;
-use crate::plots::{self, BEFORE, Band, Series};
+use crate::plots::{self, BEFORE, Band, Series, span};
 
 /// Colours of sessions.
 const SESSIONS: [(&str, RGBColor); 4] = [
@@ -122,7 +122,7 @@ impl Spread {
 }
 
 fn fitted_curve(a: &Angles, d: &Diagnosis) -> Result<Figure> {
-    let (low, high) = a.points.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (l.min(p.1), h.max(p.1)));
+    let (low, high) = span(a.points.iter().map(|p| p.1));
     let several = d.data.names.len() > 1;
     let series: Vec<Series> = SESSIONS
         .iter()

@@ -7,6 +7,7 @@ use trical_model::Model;
 use crate::error::Result;
 use crate::error_map::{ErrorMap, Miss};
 use crate::page::{Figure, Section};
+use crate::plots::span;
 use crate::table::counted;
 
 /// Poses of the map.
@@ -85,8 +86,7 @@ impl Grid {
 }
 
 fn range(points: &[[f64; 3]], axis: usize) -> [f64; 2] {
-    let values = || points.iter().map(|p| p[axis]);
-    [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)]
+    span(points.iter().map(|p| p[axis])).into()
 }
 
 /// Panels side by side where the page has room for two, one scale of colours for all of them.

@@ -13,6 +13,7 @@ use trical_plan::geometry::{Place, Role};
 use trical_plan::solid::{Core, Solid};
 use trical_plan::{CollisionModel, PlanEntry};
 
+use crate::plots::span;
 pub use page::View;
 pub(crate) use page::escaped;
 use page::{Camera, Drawn, Page, Paint};
@@ -199,8 +200,8 @@ pub(crate) fn extent(solid: &Solid) -> f64 {
         Core::Hull(hull) => {
             let p = hull.points();
             let wide = |f: fn(&V3) -> f64| {
-                let values = || p.iter().map(|p| f(&V3::new(p.x, p.y, p.z)));
-                values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min)
+                let (low, high) = span(p.iter().map(|p| f(&V3::new(p.x, p.y, p.z))));
+                high - low
             };
             wide(|p| p.x).max(wide(|p| p.y)).max(wide(|p| p.z))
         }

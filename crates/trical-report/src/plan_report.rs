@@ -5,10 +5,11 @@ use trical_plan::{CollisionModel, PredictedError, Sphere};
 
 use crate::blindness;
 use crate::error::Result;
-use crate::evidence::{other_views, row, span, typical, used};
+use crate::evidence::{other_views, row, typical, used};
 use crate::page::{self, Figure, Made, Section};
 use crate::picture::Scene;
 use crate::plan_told::Told;
+use crate::plots::span;
 use crate::table::{counted, fixed, two_digits};
 use crate::turn;
 

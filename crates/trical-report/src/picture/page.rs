@@ -8,6 +8,7 @@ use trical_plan::solid::{Core, Solid};
 
 use super::V3;
 use crate::outline::hull;
+use crate::plots::span;
 
 /// From where the cell is looked at.
 #[derive(Clone, Copy)]
@@ -100,10 +101,7 @@ impl Page {
     /// A page `width` pixels wide on which the points are with a margin, and its height.
     pub(super) fn around(points: &[V3], camera: Camera, width: f64) -> (Self, f64) {
         let seen: Vec<V3> = points.iter().map(|p| camera.see(p)).collect();
-        let range = |k: usize| {
-            let low = seen.iter().map(|s| s[k]).fold(f64::INFINITY, f64::min);
-            (low, seen.iter().map(|s| s[k]).fold(f64::NEG_INFINITY, f64::max))
-        };
+        let range = |k: usize| span(seen.iter().map(|s| s[k]));
         let ((left, right), (top, bottom)) = (range(0), range(1));
         // of an arm on a long rail the base is drawn whole, too
         let margin = ((right - left) * 0.09).max(0.16);

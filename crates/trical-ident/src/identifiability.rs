@@ -637,14 +637,10 @@ fn columns_at_random_states(
             let state = State { session: *session, place: *place, ..*state };
             // a pose's orientation is compared with itself: derivatives are wanted, not residuals
             let measured = match measured {
-                Measured::Pose { position, .. } => {
-                    let tool = forward.world_from_tool(&state, &mut ws).rotation;
-                    let frame_rotation = forward.frame_from_world(*frame).map_or(tool, |f| f.rotation * tool);
-                    Measured::Pose {
-                        position: *position,
-                        quaternion: trical_model::pose::quaternion_from_rotation(&frame_rotation),
-                    }
-                }
+                Measured::Pose { position, .. } => Measured::Pose {
+                    position: *position,
+                    quaternion: forward.orientation_seen(&state, *frame, &mut ws),
+                },
                 // a ball of a set that may be turned is where it is touched, or a turn of the set would look unlike one of the base
                 Measured::Touch { ball, .. } if turned && place.is_none() => {
                     let mut touching = model.clone();

@@ -114,9 +114,7 @@ impl Identified {
         let mut measured = *measured;
         if let Measured::Pose { quaternion, .. } = &mut measured {
             // derivatives at the predicted orientation itself
-            let tool = forward.world_from_tool(state, &mut ws).rotation;
-            let seen = forward.frame_from_world(frame).map_or(tool, |f| f.rotation * tool);
-            *quaternion = trical_model::pose::quaternion_from_rotation(&seen);
+            *quaternion = forward.orientation_seen(state, frame, &mut ws);
         }
         let p = self.free.len();
         let mut jacobian = vec![0.0; 6 * p];

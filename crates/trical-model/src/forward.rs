@@ -15,7 +15,7 @@ use crate::chain::{
 };
 use crate::error::{ModelError, Result};
 use crate::ik::usual::Usual;
-use crate::pose::{Pose, left_jacobian_inverse, rotation_from_quaternion, rotation_vector};
+use crate::pose::{Pose, left_jacobian_inverse, quaternion_from_rotation, rotation_from_quaternion, rotation_vector};
 use crate::recording::{Joints, MAX_JOINTS, Measured, State};
 use crate::robot::Robot;
 use crate::target::{Map, Target, Through};
@@ -354,6 +354,13 @@ impl Forward {
     #[must_use]
     pub fn frame_from_world(&self, frame: usize) -> Option<Pose> {
         self.frames.get(frame).map(|f| f.0)
+    }
+
+    /// The orientation of the tool as measuring frame `frame` (0-based) sees it, or the world without one: unit quaternion w, x, y, z.
+    #[must_use]
+    pub fn orientation_seen(&self, state: &State, frame: usize, ws: &mut Workspace) -> [f64; 4] {
+        let tool = self.world_from_tool(state, ws).rotation;
+        quaternion_from_rotation(&self.frame_from_world(frame).map_or(tool, |f| f.rotation * tool))
     }
 
     /// What a variable says at this pose.

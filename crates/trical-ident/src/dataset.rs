@@ -268,7 +268,8 @@ impl Dataset {
     }
 
     /// Number of scalars measured.
-    pub(crate) fn scalars(&self) -> usize {
+    #[must_use]
+    pub fn scalars(&self) -> usize {
         self.observations.iter().map(|o| residual_rows(&o.measured)).sum()
     }
 

@@ -2,7 +2,7 @@
 
 use faer::Mat;
 use rayon::prelude::*;
-use trical_model::Forward;
+use trical_model::{Forward, Workspace};
 
 use crate::dataset::{Dataset, Observation, rejected_in_words};
 use crate::error::{IdentError, Result};
@@ -104,17 +104,15 @@ pub(crate) fn factor(forward: &Forward, data: &Dataset, noise: &Noise, known: &[
 #[must_use]
 pub fn weighted_residuals(forward: &Forward, data: &Dataset, noise: &Noise) -> Vec<([f64; 6], usize)> {
     let mut ws = forward.workspace();
-    data.observations
-        .iter()
-        .map(|o| {
-            let rows = forward.residual(&o.state, &o.measured, o.frame, &mut ws);
-            let mut r = [0.0; 6];
-            for (k, v) in r.iter_mut().enumerate().take(rows) {
-                *v = ws.residual()[k] / noise.sigma(o.recording, &o.measured, k);
-            }
-            (r, rows)
-        })
-        .collect()
+    data.observations.iter().map(|o| weighted(forward, o, noise, &mut ws)).collect()
+}
+
+/// As [`weighted_residuals`], of one observation; the workspace has the residual in SI.
+pub(crate) fn weighted(forward: &Forward, o: &Observation, noise: &Noise, ws: &mut Workspace) -> ([f64; 6], usize) {
+    let rows = forward.residual(&o.state, &o.measured, o.frame, ws);
+    let r = ws.residual();
+    let in_sigma = |k| if k < rows { r[k] / noise.sigma(o.recording, &o.measured, k) } else { 0.0 };
+    (std::array::from_fn(in_sigma), rows)
 }
 
 /// Euclidean length.

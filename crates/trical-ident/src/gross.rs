@@ -4,7 +4,7 @@ use trical_model::{Cell, Forward, Measured, Robot, Workspace};
 
 use crate::dataset::{Dataset, Observation};
 use crate::error::{IdentError, Result};
-use crate::fit::{check_observations, length, weighted_residuals};
+use crate::fit::{check_observations, length, weighted, weighted_residuals};
 use crate::identifiability::{Choice, OwnSetup, ParameterSet};
 use crate::identify::{manner, prepared};
 use crate::noise::Noise;
@@ -98,10 +98,9 @@ pub fn wrong_ball(off: String, ball: Option<usize>) -> String {
 pub fn right_ball(forward: &Forward, noise: &Noise, o: &Observation, ws: &mut Workspace) -> Option<usize> {
     let Measured::Touch { ball: noted, reading } = o.measured else { return None };
     (0..forward.model().cell.balls.len()).filter(|ball| *ball != noted).find(|ball| {
-        let measured = Measured::Touch { ball: *ball, reading };
-        let rows = forward.residual(&o.state, &measured, o.frame, ws);
-        let off = |k: usize| (ws.residual()[k] / noise.sigma(o.recording, &measured, k)).powi(2);
-        (0..rows).map(off).sum::<f64>().sqrt() <= GROSS
+        let touch = Observation { measured: Measured::Touch { ball: *ball, reading }, ..*o };
+        let (r, rows) = weighted(forward, &touch, noise, ws);
+        length(&r[..rows]) <= GROSS
     })
 }
 

@@ -17,7 +17,7 @@ use trical_recording::stream::BlockRows;
 
 use crate::dataset::{Dataset, Observation, Rejected};
 use crate::error::{IdentError, Result};
-use crate::fit::length;
+use crate::fit::{length, weighted};
 use crate::gross::{GROSS, gross_error, right_ball, robust_fit_of_the_richest};
 use crate::identifiability::{Choice, ParameterSet, WELL_CONDITIONED, covariance, indices, is_well_conditioned};
 use crate::identify::{ErrorSummary, Identified, identify, rank_deficient, tells_apart};
@@ -423,21 +423,18 @@ impl Judges<'_> {
         found: &mut BlockVerdict,
     ) -> bool {
         if let (Some((robust, noise)), Some(ws)) = (self.robust, ws_robust) {
-            let rows = robust.residual(&o.state, &o.measured, o.frame, ws);
-            let r = ws.residual();
-            let off = (0..rows).map(|k| (r[k] / noise.sigma(o.recording, &o.measured, k)).powi(2)).sum::<f64>().sqrt();
+            let (in_sigma, rows) = weighted(robust, o, noise, ws);
+            let off = length(&in_sigma[..rows]);
             if off > GROSS || off.is_nan() {
                 found.rejected += 1;
                 found.marks.set(o.row - 1);
                 if found.named.len() < NAMED {
-                    let r = r[..rows].to_vec();
-                    let weighted = |k: usize| r[k] / noise.sigma(o.recording, &o.measured, k);
-                    let weighted: Vec<f64> = (0..rows).map(weighted).collect();
+                    let r = ws.residual()[..rows].to_vec();
                     found.named.push(Rejected {
                         recording: name.to_owned(),
                         line: o.line,
                         row: o.row,
-                        reason: gross_error(&r, &weighted, right_ball(robust, noise, o, ws)),
+                        reason: gross_error(&r, &in_sigma[..rows], right_ball(robust, noise, o, ws)),
                     });
                 }
                 return false;

@@ -10,7 +10,7 @@ use pyo3::types::PyDict;
 use serde_json::{Value, json};
 use trical_ident::identifiability::{independent_terms, observability, r_factor};
 use trical_ident::{Aim, Choice, Dataset, JointSource, Noise, Scatter, model_of_touches, shown, simulate, usual_set};
-use trical_model::{Forward, Joints, MAX_JOINTS, Measured, Model, Pose, Robot, State, residual_rows};
+use trical_model::{Forward, Joints, MAX_JOINTS, Measured, Model, Pose, Robot, State};
 use trical_plan::{
     CollisionModel, Criterion, Facing, PlanEntry, PlanOptions, Sphere, ValidationOptions, plan_touches,
     poses_in_sphere, poses_in_workspace, usual_start, write_plan,
@@ -261,8 +261,7 @@ pub fn _observability(
         let forward = Forward::new(model.clone(), free)?;
         trical_ident::fit::check_observations(&forward, &data)?;
         let weights = Noise::usual(data.names.len());
-        let scalars = data.observations.iter().map(|o| residual_rows(&o.measured)).sum();
-        let (indices, covariance) = observability(&r_factor(&forward, &data, &weights, &[]), scalars);
+        let (indices, covariance) = observability(&r_factor(&forward, &data, &weights, &[]), data.scalars());
         let p = model.terms.len();
         let touch = Measured::Touch { ball: 0, reading: [0.0; 3] };
         let factor = noise.map_or(1.0, |n| n / weights.sigma(0, &touch, 0));

@@ -1,7 +1,7 @@
 //! Compensation from file to file.
 
 use std::cell::{Cell, OnceCell, RefCell};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 use std::fs::File;
 use std::io::{BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ use crate::dialects::{Dialect, MARK, krl};
 use crate::elsewhere::{Elsewhere, Nowhere, Outside};
 use crate::error::ProgramError;
 use crate::flow::at_calls;
-use crate::frames::{AT, Frames, TIMES, ToolFrame};
+use crate::frames::{AT, Frames, Named, TIMES, ToolFrame};
 use crate::modules::Modules;
 use crate::options::Options;
 use crate::report::{Report, listed, summarized};
@@ -252,9 +252,6 @@ fn take_with<T: Clone>(name: &mut Option<String>, theirs: &Named<T>, known: &mut
     );
     *name = Some(whose);
 }
-
-/// Tools or frames by their names.
-type Named<T> = BTreeMap<String, Result<T, String>>;
 
 /// Files that are looked through for GLOBAL routines, at most, and bytes of each.
 const MOST_FILES: usize = 500;

@@ -55,26 +55,33 @@ impl ToolFrame {
     }
 }
 
-/// Tools and work objects by lower-case name; a name that stands for nothing usable says why.
+/// Tools or frames by their names; one that is nothing usable says why.
+pub type Named<T> = BTreeMap<String, Result<T, String>>;
+
+/// Tools and work objects by lower-case name.
 #[derive(Clone, Debug, Default)]
 pub struct Frames {
     /// Tools.
-    pub tools: BTreeMap<String, Result<ToolFrame, String>>,
+    pub tools: Named<ToolFrame>,
     /// Work objects (bases, user frames) in the controller's world.
-    pub frames: BTreeMap<String, Result<Pose, String>>,
+    pub frames: Named<Pose>,
     /// The controller's world in the arm's foot, where it is not the foot itself.
     pub world: Option<Pose>,
+}
+
+impl Frames {
+    /// With the flange as a tool and the controller's world as a frame, by the names that no program changes.
+    pub fn predefine(&mut self, flange: &str, world: &str) {
+        self.tools.insert(flange.into(), Ok(ToolFrame::massless(Pose::identity())));
+        self.frames.insert(world.into(), Ok(Pose::identity()));
+    }
 }
 
 /// Stands between a name and the offset in the text where it is given; a report says the line instead.
 pub const AT: &str = " at byte ";
 
 /// The name of what a program gives without one: of the first that is the same, else `name`, under which it is kept.
-pub fn named<T: PartialEq>(
-    known: &mut BTreeMap<String, Result<T, String>>,
-    name: String,
-    new: Result<T, String>,
-) -> String {
+pub fn named<T: PartialEq>(known: &mut Named<T>, name: String, new: Result<T, String>) -> String {
     if let Some((first, _)) = known.iter().find(|(first, old)| new.is_ok() && **old == new && first.contains(AT)) {
         return first.clone();
     }
@@ -87,7 +94,7 @@ pub const TIMES: &str = " : ";
 
 /// Looks a frame up `elsewhere` that is not `known`; of a product, each of its frames.
 pub fn find<T: Clone>(
-    known: &mut BTreeMap<String, Result<T, String>>,
+    known: &mut Named<T>,
     name: Option<&String>,
     elsewhere: &dyn Fn(&str) -> Option<Result<T, String>>,
     compose: fn(&T, &T) -> T,

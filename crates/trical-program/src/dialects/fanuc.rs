@@ -7,10 +7,7 @@
 //! Words that depend on the controller's language (CONFIG, KONFIG) are known by what stands behind them. Motions to position
 //! registers are listed, unless a register is set from positions of the listing or from where the arm is.
 
-use trical_model::Pose;
-
 use crate::branch::Configuration;
-use crate::frames::ToolFrame;
 use crate::literal::Shape;
 use crate::names::{Names, Origin, Way};
 use crate::scan::{Fork, OWN_SETUP, Scan, Setup, Visit, changed_here, hashed};
@@ -46,8 +43,7 @@ fn section(bytes: &[u8], name: &[u8]) -> Option<usize> {
 #[must_use]
 pub fn scan(bytes: &[u8]) -> Scan {
     let mut scan = Scan::default();
-    scan.frames.tools.insert("0".into(), Ok(ToolFrame::massless(Pose::identity())));
-    scan.frames.frames.insert("0".into(), Ok(Pose::identity()));
+    scan.frames.predefine("0", "0");
     let Some(positions) = section(bytes, b"/POS") else { return scan };
     if let Some(at) = tracks_line(bytes, positions) {
         let what = "the positions of this program move along with a conveyor (LINE_TRACK), which is not supported";

@@ -22,7 +22,6 @@ use crate::branch::Configuration;
 use crate::elsewhere::Elsewhere;
 use crate::expression::Constants;
 use crate::flow::Flow;
-use crate::frames::ToolFrame;
 use crate::literal::Shape;
 use crate::names::{Names, Origin, Way};
 use crate::reaching::Part;
@@ -127,8 +126,7 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
             motion_data: HashMap::new(),
             products: HashMap::new(),
         };
-        reader.scan.frames.tools.insert("0".into(), Ok(ToolFrame::massless(Pose::identity())));
-        reader.scan.frames.frames.insert("0".into(), Ok(Pose::identity()));
+        reader.scan.frames.predefine("0", "0");
         reader.file();
         (std::mem::take(&mut reader.flow), reader)
     };

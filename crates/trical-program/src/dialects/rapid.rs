@@ -5,8 +5,6 @@
 
 use std::collections::HashSet;
 
-use trical_model::Pose;
-
 use super::rapid_frames::{declare, tool, work_object};
 use super::rapid_motions::is_motion;
 use super::rapid_parts::Piece;
@@ -14,7 +12,6 @@ pub use super::rapid_reader::{Effects, Exports};
 use super::rapid_reader::{Element, Place, Reader, scoped};
 use crate::branch::Configuration;
 use crate::elsewhere::{Elsewhere, Nowhere};
-use crate::frames::ToolFrame;
 use crate::literal::Shape;
 use crate::names::Origin;
 use crate::reaching::Part;
@@ -65,9 +62,10 @@ pub fn header(bytes: &[u8]) -> usize {
 #[must_use]
 pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
     let mut reader = Reader::of(bytes, elsewhere);
-    reader.predefined();
+    reader.scan.frames.predefine("tool0", "wobj0");
     reader.file();
-    reader.predefined();
+    // the program's own declaration changes nothing
+    reader.scan.frames.predefine("tool0", "wobj0");
     reader.names.end_of_file();
     reader.used_elsewhere();
     reader.changed_around();
@@ -114,12 +112,6 @@ pub fn for_others(bytes: &[u8], number: usize) -> Exports {
 }
 
 impl Reader<'_> {
-    /// What a program's own declaration does not change.
-    fn predefined(&mut self) {
-        self.scan.frames.tools.insert("tool0".into(), Ok(ToolFrame::massless(Pose::identity())));
-        self.scan.frames.frames.insert("wobj0".into(), Ok(Pose::identity()));
-    }
-
     /// What a routine changes that is given to it is changed where it is given.
     fn changed_where_lent(&mut self) {
         loop {

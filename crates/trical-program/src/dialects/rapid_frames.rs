@@ -1,16 +1,12 @@
 //! RAPID's `tooldata` and `wobjdata`.
 
-use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
 use nalgebra::Vector3;
 use trical_model::Pose;
 use trical_model::pose::rotation_from_quaternion;
 
-use crate::frames::ToolFrame;
-
-/// Tools or work objects by their names.
-type Named<T> = BTreeMap<String, Result<T, String>>;
+use crate::frames::{Named, ToolFrame};
 
 /// Keeps a tool or a work object; of one that has other numbers elsewhere under the same name nobody knows which hold.
 pub(super) fn declare<T: PartialEq>(known: &mut Named<T>, name: String, new: Result<T, String>) {

@@ -1,12 +1,10 @@
 //! What sets tool and base in KRL: `$TOOL` and `$BASE`, `BAS`, motion data of inline forms; and frames that the program
 //! names.
 
-use std::collections::BTreeMap;
-
 use trical_model::Pose;
 
 use super::{Aggregate, Reader, target_of};
-use crate::frames::{AT, Frames, TIMES, ToolFrame, named};
+use crate::frames::{AT, Frames, Named, TIMES, ToolFrame, named};
 use crate::scan::{Setup, changed_here, hashed};
 use crate::text::{is_one_of, lower, mentions};
 
@@ -24,14 +22,14 @@ fn is_number(index: &str) -> bool {
 }
 
 /// Keeps a frame; one that the program sets twice is known only while it runs.
-fn declare<T: PartialEq>(known: &mut BTreeMap<String, Result<T, String>>, name: String, new: Result<T, String>) {
+fn declare<T: PartialEq>(known: &mut Named<T>, name: String, new: Result<T, String>) {
     let differs = known.get(&name).is_some_and(|before| *before != new);
     let several = || Err("is set to different frames at several places of the program".into());
     known.insert(name, if differs { several() } else { new });
 }
 
 /// Keeps a product of known frames under its name.
-fn product<T: Clone>(known: &mut BTreeMap<String, Result<T, String>>, parts: &str, name: String, by: fn(&T, &T) -> T) {
+fn product<T: Clone>(known: &mut Named<T>, parts: &str, name: String, by: fn(&T, &T) -> T) {
     let parts = parts.split(TIMES).map(|part| known.get(part).and_then(|one| one.as_ref().ok()).cloned());
     let whole = parts.reduce(|a, b| Some(by(&a?, &b?))).flatten();
     known.extend(whole.map(|whole| (name, Ok(whole))));

@@ -9,7 +9,7 @@ use std::collections::{HashMap, HashSet};
 use nalgebra::Vector3;
 
 use crate::reaching::{Definition, Definitions, Part};
-use crate::scan::{Fork, OWN_SETUP, Scan, Visit};
+use crate::scan::{Fork, OWN_SETUP, Scan, Visit, hashed_as_written};
 use crate::text::Cursor;
 
 /// How a motion names its place.
@@ -297,6 +297,15 @@ impl Names {
     /// What the program sets at this offset it sets from data as they are, by another name only.
     pub fn copied(&mut self, at: usize) {
         self.copied_at.insert(at as u32);
+    }
+
+    /// Targets `first..end`, which stand at this offset in the place of a name, get a name of their own.
+    pub fn define_at(&mut self, at: usize, first: usize, end: usize) -> Origin {
+        let at = at as u32;
+        let name = hashed_as_written(&[&b"\0at"[..], &at.to_le_bytes()].concat());
+        self.define(name, first, end);
+        self.copied_at.insert(at);
+        Origin::Name { name, at }
     }
 
     fn keep_origin(&mut self, name: u64, origin: Origin, is_here: bool) {

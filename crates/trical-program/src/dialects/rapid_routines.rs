@@ -432,13 +432,9 @@ impl Reader<'_> {
         if self.c.peek() == b'[' {
             let (first, problems) = (self.scan.spots.len(), self.scan.problems.len());
             self.list(0);
-            let own = hashed(&[&b"\0at"[..], &at.to_le_bytes()].concat());
-            self.names.copied(from);
-            self.names.define(own, first, self.scan.spots.len());
-            let origin = match self.scan.problems.len() > problems || self.scan.spots.len() == first {
-                true => Origin::Computed(at),
-                false => Origin::Name { name: own, at },
-            };
+            let own = self.names.define_at(from, first, self.scan.spots.len());
+            let is_target = self.scan.problems.len() == problems && self.scan.spots.len() > first;
+            let origin = if is_target { own } else { Origin::Computed(at) };
             return self.set_from(parameter.scoped, origin);
         }
         let word = self.c.word();

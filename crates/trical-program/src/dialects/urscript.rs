@@ -347,11 +347,8 @@ impl<'a> Reader<'a> {
         let at = self.c.at as u32;
         let origin = match self.literal() {
             Literal::Numbers(shape, spans) if self.moved_to.contains(&parameter) => {
-                let own = hashed(&[&b"\0at"[..], &at.to_le_bytes()].concat());
                 let spot = self.scan.push(shape, &spans, Configuration::Free, Span::default()) as usize;
-                self.names.define(own, spot, spot + 1);
-                self.names.copied(at as usize);
-                Origin::Name { name: own, at }
+                self.names.define_at(at as usize, spot, spot + 1)
             }
             Literal::None => match self.origin_at(at as usize) {
                 Some(Some(name)) => Origin::Name { name, at },

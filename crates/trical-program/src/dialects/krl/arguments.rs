@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use super::targets::skip_index;
 use super::{CURRENT, ELEMENTS, HERE, Reader, before_bracket};
 use crate::names::Origin;
 use crate::scan::{changed_here, hashed};
@@ -115,24 +116,14 @@ impl Reader<'_> {
         let at = start.at as u32;
         if self.c.peek() == b'{' {
             let found = self.aggregate();
-            let own = hashed(&[&b"\0at"[..], &at.to_le_bytes()].concat());
             let origin = match self.target(&found, Span::default()) {
-                Some(spot) => {
-                    self.names.define(own, spot as usize, spot as usize + 1);
-                    self.names.copied(start.at);
-                    Origin::Name { name: own, at }
-                }
+                Some(spot) => self.names.define_at(start.at, spot as usize, spot as usize + 1),
                 None => Origin::Computed(at),
             };
             return self.names.set_from(parameter, origin);
         }
         let word = self.c.word();
-        self.c.skip_blank();
-        let is_element = self.c.peek() == b'[';
-        if is_element {
-            self.c.skip_past(b']', b"\n\r");
-            self.c.skip_blank();
-        }
+        skip_index(&mut self.c);
         let is_whole = !word.is_empty() && matches!(self.c.peek(), b',' | b')');
         let origin = match is_whole {
             true if is_one_of(word, &HERE) => Origin::Here,

@@ -27,11 +27,7 @@ pub(super) fn targets(bytes: &[u8], scopes: &Scopes) -> Named {
     while let Some((_, word)) = c.next_word() {
         if is_system(word) {
             let start = c;
-            c.skip_blank();
-            if c.peek() == b'[' {
-                c.at += c.until(b"]\n\r").len();
-                c.at += usize::from(c.peek() == b']');
-            }
+            skip_index(&mut c);
             if c.eat_in_line(b'=') {
                 let named = operands(&mut c).into_iter().filter(|name| !name.is_empty() && !is_system(name));
                 let is_setup = is_one_of(word, &CURRENT) || is_one_of(word, &ELEMENTS);
@@ -129,7 +125,7 @@ fn read_in_part(bytes: &[u8], scopes: &Scopes) -> HashSet<u64> {
 }
 
 /// Past blanks, and past `[...]`.
-fn skip_index(c: &mut Cursor<'_>) {
+pub(super) fn skip_index(c: &mut Cursor<'_>) {
     c.skip_blank();
     if c.peek() == b'[' {
         c.skip_past(b']', b"\n\r");

@@ -49,9 +49,7 @@ pub fn averaged(data: &Dataset) -> (Dataset, Option<Scatter>) {
         readings: several.iter().sum::<f64>() / several.len() as f64,
         freedom,
     };
-    let mut out = data.filtered(|_| false);
-    out.observations = means;
-    (out, Some(scatter))
+    (Dataset { observations: means, rejected: data.rejected.clone(), ..data.shell() }, Some(scatter))
 }
 
 /// Whether two observations of a pose are of the same thing, the arm having come the same way with the same load.

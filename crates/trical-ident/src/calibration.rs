@@ -6,6 +6,7 @@ use serde::ser::SerializeMap;
 use trical_model::{Cell, Model, Motion, Recording, Robot, Site, Task};
 use trical_recording::CsvStream;
 
+use crate::adapted::score_session;
 use crate::ball_places::{place_of, unknown_places};
 use crate::by_place::{ByPlace, MeasuredDistance, OfPlace, TriedByPlace, choose, doubtful_places, score_places};
 use crate::caution::{
@@ -25,7 +26,6 @@ use crate::rigid::moved;
 use crate::stream::identify_stream;
 use crate::torque_load::{TorqueLoad, torque_loads};
 use crate::units::shown;
-use crate::validate::score_session;
 
 /// Beyond so many measurements errors at unseen poses are worked out only where they are asked for, and standard deviations are those of
 /// independent measurements.

@@ -24,6 +24,7 @@ mod whitened;
 
 use trical_model::{Cell, Forward, Recording, Scope, Site, Term, Variable};
 
+use crate::adapted::{Refit, adapted};
 use crate::dataset::{Dataset, JointSource};
 use crate::date;
 use crate::error::{IdentError, Result};
@@ -33,7 +34,6 @@ use crate::noise::Noise;
 use crate::readings::averaged;
 use crate::repeated::fingerprint;
 use crate::rigid::mean;
-use crate::validate::{Refit, adapted};
 
 pub use result::{Change, Changed, Comparison, Visible, capital};
 pub use settings::FALSE_ALARMS;

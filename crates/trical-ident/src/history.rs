@@ -4,6 +4,7 @@ use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use trical_model::{Cell, Forward, Recording, Scope};
 
+use crate::adapted::adapted;
 use crate::compare::{Comparison, compare};
 use crate::dataset::JointSource;
 use crate::date::{by_date, day_in};
@@ -12,7 +13,6 @@ use crate::fit::position_errors;
 use crate::model_file::ModelFile;
 use crate::repeated::refuse_repeated;
 use crate::rigid::mean;
-use crate::validate::adapted;
 
 /// Errors over sessions as a straight line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

@@ -15,13 +15,14 @@
 //! | [`repeated`] | measurements that were given twice |
 //! | [`gross`] | measurements that no model of the arm explains |
 //! | [`stream`], `sample` | identification from files of any size, in bounded memory; rows that stand for all |
-//! | [`validate`], [`predicted`] | a model on data that it was not fitted to; how far off it says that it may be |
+//! | [`validate`], `adapted`, [`predicted`] | a model on data that it was not fitted to; how far off it says that it may be |
 //! | [`compare`], [`history`] | whether an arm is still as it was calibrated; its sessions over months |
 //! | [`repeatability`], [`iso9283`] | how far repeat visits scatter; accuracy and repeatability as the standard has them |
 //! | [`joint_choice`] | which joint angles to use |
 //! | [`touches`], [`simulate`] | what touches could tell; recordings of an arm that is a model |
 //! | [`model_file`], [`units`] | models as files, coefficients as people read them |
 
+mod adapted;
 pub mod ball_places;
 pub mod by_place;
 pub mod calibration;
@@ -65,6 +66,7 @@ pub mod units;
 pub mod validate;
 pub mod weak;
 
+pub use adapted::{LeftOut, Refit};
 pub use calibration::{
     AngleSummary, Calibration, HeldOut, Options, ToolSharing, calibrate, calibrate_stream, cross_validate,
     forward_in_time,
@@ -89,6 +91,6 @@ pub use stream::{Streamed, identify_stream};
 pub use torque_load::{TorqueLoad, torque_loads};
 pub use touches::{model_of_touches, usual_set};
 pub use units::{Shown, shown, unit};
-pub use validate::{LeftOut, Refit, Region, SessionErrors, Validation, validate};
+pub use validate::{Region, SessionErrors, Validation, validate};
 // a recording is where identification begins
 pub use trical_recording::{CsvStream, load_csv, parse_csv, write_csv};

@@ -6,6 +6,7 @@
 //! What a motion goes to is a target; what the program gives to `$TOOL`, `$BASE`, `$WORKSPACE` and other system variables is none.
 
 mod arguments;
+mod data;
 mod outside;
 mod setup;
 mod targets;
@@ -14,20 +15,17 @@ pub use outside::{displaces, global_frames, sets, values};
 
 use std::collections::{HashMap, HashSet};
 
-use nalgebra::Vector3;
-use trical_model::pose::rotation_zyx;
-use trical_model::{Joints, Pose};
+use trical_model::Joints;
 
-use crate::branch::Configuration;
 use crate::elsewhere::Elsewhere;
 use crate::expression::Constants;
 use crate::flow::Flow;
-use crate::literal::Shape;
 use crate::names::{Names, Origin, Way};
 use crate::reaching::Part;
 use crate::scan::{Fork, Scan, Setup, Visit, changed_here, hashed};
 use crate::text::{Cursor, Span, begins_line, is_one_of, lower, mentions};
 use arguments::Routines;
+use data::Aggregate;
 use targets::Named;
 
 /// The places of a cell's home, which belong to all programs.
@@ -35,9 +33,6 @@ const HOMES: [&[u8]; 7] = [b"XHOME", b"XHOME1", b"XHOME2", b"XHOME3", b"XHOME4",
 /// The numbers of a pose.
 pub const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"A", b"B", b"C"];
 const AXES: [&[u8]; 6] = [b"A1", b"A2", b"A3", b"A4", b"A5", b"A6"];
-const EXTERNAL: [&[u8]; 6] = [b"E1", b"E2", b"E3", b"E4", b"E5", b"E6"];
-/// Status and turn of a pose, tool and base of motion data.
-const OTHERS: [&[u8]; 4] = [b"S", b"T", b"TOOL_NO", b"BASE_NO"];
 /// Tool and base as parts of motion data.
 const MOTION_DATA: [&[u8]; 2] = [b".TOOL_NO", b".BASE_NO"];
 /// The tool and the base that are active.
@@ -194,32 +189,6 @@ pub fn uses(bytes: &[u8], routines: &[u64], points: &HashSet<u64>) -> bool {
 /// Whether a name is the controller's own: its data are tools, bases, loads, work spaces, never targets.
 fn is_system(word: &[u8]) -> bool {
     word.starts_with(b"$") || is_one_of(word, &ELEMENTS) || word.eq_ignore_ascii_case(b"LOAD_DATA")
-}
-
-/// A `{...}`: its fields by name, each with its number, or where something stands that has no value before the program runs.
-#[derive(Default)]
-struct Aggregate<'a>(Vec<(&'a [u8], Result<Span, Span>)>);
-
-impl Aggregate<'_> {
-    fn field(&self, name: &[u8]) -> Option<Result<Span, Span>> {
-        self.0.iter().rfind(|(n, _)| n.eq_ignore_ascii_case(name)).map(|(_, value)| *value)
-    }
-
-    fn number(&self, name: &[u8]) -> Option<Span> {
-        self.field(name)?.ok()
-    }
-
-    /// The numbers of these fields, where all are given.
-    fn all(&self, names: &[&[u8]; 6]) -> Option<[Span; 6]> {
-        let numbers: Option<Vec<Span>> = names.iter().map(|name| self.number(name)).collect();
-        numbers?.try_into().ok()
-    }
-
-    /// The first field of a target, tool or base that has no value before the program runs.
-    fn unread(&self) -> Option<Span> {
-        let is_read = |name| [&POSE[..], &AXES, &EXTERNAL, &OTHERS].iter().any(|list| is_one_of(name, list));
-        self.0.iter().filter(|(name, _)| is_read(name)).find_map(|(_, value)| value.err())
-    }
 }
 
 struct Reader<'a> {
@@ -515,41 +484,6 @@ impl<'a> Reader<'a> {
         !is_comparison && !is_known
     }
 
-    /// `E6POS NAME={...}`
-    fn data(&mut self, is_frame: bool) {
-        self.c.skip_blank();
-        let from = self.c.at;
-        let name = self.c.word();
-        let name_span = Span::new(from, from + name.len());
-        if !self.c.eat_in_line(b'=') || self.c.peek() != b'{' {
-            return;
-        }
-        let found = self.aggregate();
-        let key = self.key(name, from);
-        let is_moved_to = self.named.moved_to.contains(&key);
-        if !is_moved_to && (is_frame || self.named.no_targets.contains(&key)) {
-            let frame = self.frame(&found);
-            self.declare(&lower(name), frame);
-        } else {
-            self.define(&found, name_span, Part::Whole);
-        }
-    }
-
-    fn define(&mut self, found: &Aggregate<'_>, name: Span, part: Part) {
-        let first = self.scan.spots.len();
-        let hash = self.key(name.text(self.c.bytes), name.at as usize);
-        match (self.target(found, name), found.unread()) {
-            (Some(_), _) => {}
-            (None, Some(span)) => {
-                self.scan.unread(span, self.c.bytes);
-                self.names.listed(hash);
-            }
-            // some of its coordinates only
-            (None, None) => self.names.set_from(hash, Origin::Computed(name.at)),
-        }
-        self.names.define_part(hash, part, first, self.scan.spots.len());
-    }
-
     /// `LIN {...} C_DIS`, `LIN XP1`, `CIRC P1,P2,CA 90`, `LIN XP1:{...}`, `LIN PALLET:XP1`
     fn motion(&mut self) {
         loop {
@@ -659,81 +593,6 @@ impl<'a> Reader<'a> {
         }
         self.names.visit(Visit::Unknown);
         true
-    }
-
-    /// A `{...}`, from its brace on, to its end or the line's.
-    fn aggregate(&mut self) -> Aggregate<'a> {
-        let mut out = Aggregate::default();
-        let mut depth = 0;
-        while !self.c.done() && !matches!(self.c.peek(), b'\n' | b'\r' | b';') {
-            self.c.skip_blank();
-            match self.c.peek() {
-                b'{' => depth += 1,
-                b'}' => depth -= 1,
-                b'"' => {
-                    self.c.skip_string();
-                    continue;
-                }
-                _ => {
-                    let name = self.c.word();
-                    if !name.is_empty() {
-                        self.c.skip_blank();
-                        let value = self.value();
-                        if depth == 1 && self.c.peek() != b':' {
-                            out.0.push((name, value));
-                        }
-                        continue;
-                    }
-                }
-            }
-            self.c.at += 1;
-            if depth <= 0 {
-                break;
-            }
-        }
-        out
-    }
-
-    /// A field's number, plain or calculated; `Err` is where something stands that has no value.
-    fn value(&mut self) -> Result<Span, Span> {
-        let Self { c, scan, constants, .. } = self;
-        constants.number(c, b",}", scan).ok_or_else(|| Span::new(c.at, c.at + c.until(b",}{\n\r").len()))
-    }
-
-    fn target(&mut self, found: &Aggregate<'_>, name: Span) -> Option<u32> {
-        if found.unread().is_some() {
-            return None;
-        }
-        let bytes = self.c.bytes;
-        let spot = if let Some(spans) = found.all(&POSE) {
-            let (status, turn) = (found.number(b"S"), found.number(b"T"));
-            let small = |s: Option<Span>| {
-                s.and_then(|s| self.scan.value(s, bytes)).filter(|v| (0.0..4096.0).contains(v)).map(|v| v as u16)
-            };
-            let configuration = match (status, turn) {
-                (None, None) => Configuration::Free,
-                _ => Configuration::Kuka { s: small(status), t: small(turn) },
-            };
-            let mut list = spans.to_vec();
-            list.extend(turn);
-            self.scan.push(Shape::Zyx, &list, configuration, name)
-        } else {
-            self.scan.push(Shape::JointsDeg, &found.all(&AXES)?, Configuration::Free, name)
-        };
-        let external = EXTERNAL.map(|axis| self.scan.value(found.number(axis)?, bytes));
-        self.scan.external_axes(&external);
-        Some(spot)
-    }
-
-    fn frame(&self, found: &Aggregate<'_>) -> Result<Pose, String> {
-        let Some(spans) = found.all(&POSE) else {
-            return Err("its frame is not given by six numbers X, Y, Z, A, B, C".into());
-        };
-        let v = spans.map(|s| self.scan.value(s, self.c.bytes).unwrap_or(f64::NAN));
-        Ok(Pose {
-            rotation: rotation_zyx(v[3].to_radians(), v[4].to_radians(), v[5].to_radians()),
-            translation: Vector3::new(v[0], v[1], v[2]) * 1e-3,
-        })
     }
 }
 

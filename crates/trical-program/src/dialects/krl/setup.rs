@@ -3,7 +3,8 @@
 
 use trical_model::Pose;
 
-use super::{Aggregate, Reader, target_of};
+use super::data::Aggregate;
+use super::{Reader, target_of};
 use crate::frames::{AT, Frames, Named, TIMES, ToolFrame, named};
 use crate::scan::{Setup, changed_here, hashed};
 use crate::text::{is_one_of, lower, mentions};

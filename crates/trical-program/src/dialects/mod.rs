@@ -4,11 +4,6 @@ pub mod fanuc;
 pub mod krl;
 pub mod poses_csv;
 pub mod rapid;
-mod rapid_frames;
-mod rapid_motions;
-mod rapid_parts;
-mod rapid_reader;
-mod rapid_routines;
 pub mod urscript;
 
 use std::path::Path;

@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::rapid_parts::{Piece, parts};
+use super::parts::{Piece, parts};
 use crate::elsewhere::{Elsewhere, Goes, Outside};
 use crate::expression::Constants;
 use crate::frames::Frames;

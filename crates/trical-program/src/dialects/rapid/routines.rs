@@ -2,9 +2,9 @@
 
 use std::collections::HashSet;
 
-use super::rapid_frames::take_over;
-use super::rapid_motions::looks_like_motion;
-use super::rapid_reader::{FARTHEST, Lent, Parameter, Place, Reader, scoped};
+use super::frames::take_over;
+use super::motions::looks_like_motion;
+use super::reader::{FARTHEST, Lent, Parameter, Place, Reader, scoped};
 use crate::elsewhere::{Goes, Outside};
 use crate::frames::Frames;
 use crate::names::{Origin, Way};

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::rapid_reader::{Place, Reader};
+use super::reader::{Place, Reader};
 use crate::elsewhere::Goes;
 use crate::names::{Origin, Way};
 use crate::reaching::Part;

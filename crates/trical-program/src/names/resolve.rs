@@ -1,0 +1,252 @@
+//! What motions go to: the definitions of names that each may meet, and the order of the visits.
+
+use std::collections::HashSet;
+
+use super::{Group, MOST_NAMES, Names, Use, Way};
+use crate::reaching::{Definitions, Part};
+use crate::scan::{Fork, Scan, Visit};
+use crate::text::Cursor;
+
+impl Names {
+    /// Loops with one motion, and these motions, by their places among the uses: to such a target, or to such an array, the arm comes
+    /// from above the loop, or from the element before.
+    fn alone_in_loops(&self, moving: &HashSet<u64>) -> HashSet<usize> {
+        /// Where a block begins if it is a loop, how many motions it has, and the last of them.
+        type Open = (Option<usize>, u32, usize);
+        let mut open: Vec<Open> = Vec::new();
+        let mut alone = HashSet::new();
+        for (index, u) in self.uses.iter().enumerate() {
+            let motions = match u {
+                Use::Direct(Visit::Fork(fork @ (Fork::Opens | Fork::Repeats))) => {
+                    open.push(((*fork == Fork::Repeats).then_some(index), 0, 0));
+                    continue;
+                }
+                Use::Direct(Visit::Fork(Fork::Closes)) => {
+                    let Some((begin, motions, last)) = open.pop() else { continue };
+                    if let (Some(begin), 1) = (begin, motions) {
+                        alone.extend([begin, last]);
+                    }
+                    // one that is repeated is no longer one
+                    if begin.is_some() { 2 * motions } else { motions }
+                }
+                Use::Direct(Visit::Fork(Fork::Other) | Visit::Like(_) | Visit::OnPath(_)) => 0,
+                Use::Direct(Visit::Fork(Fork::Anywhere)) => 2,
+                Use::Direct(_) => 1,
+                Use::Called { name, elsewhere } => {
+                    let moves = if self.routines.contains_key(name) { moving.contains(name) } else { *elsewhere };
+                    2 * u32::from(moves)
+                }
+                Use::Named { way: Way::Said, .. } => 0,
+                Use::Named { name, way: Way::Perhaps, .. } => u32::from(self.defined.contains_key(name)),
+                Use::Named { .. } => 1,
+            };
+            if let (Some((_, count, last)), true) = (open.last_mut(), motions > 0) {
+                (*count, *last) = (count.saturating_add(motions), index);
+            }
+        }
+        alone
+    }
+
+    /// Resolves uses: setups and the order of visits go into `scan`, and motions to places that are not rewritten into its
+    /// problems. `elsewhere` says what is wrong with a name of which the file says nothing.
+    pub fn resolve(mut self, scan: &mut Scan, bytes: &[u8], elsewhere: &dyn Fn(&[u8]) -> String) {
+        let moving = self.moving();
+        let alone = self.alone_in_loops(&moving);
+        let (mut definitions, set_at_any_time) = (self.definitions(), self.set_at_any_time());
+        let mut open: Vec<bool> = Vec::new();
+        for (index, u) in std::mem::take(&mut self.uses).into_iter().enumerate() {
+            definitions.pass(index);
+            self.apart = open.contains(&true) && !alone.contains(&index);
+            let (name, setup, way, at) = match u {
+                Use::Direct(v) => {
+                    let is_loop = matches!(v, Visit::Fork(Fork::Repeats)) && !alone.contains(&index);
+                    match v {
+                        Visit::Fork(Fork::Opens | Fork::Repeats) => open.push(is_loop),
+                        Visit::Fork(Fork::Closes) => drop(open.pop()),
+                        _ => {}
+                    }
+                    if let Visit::Fork(fork) = v {
+                        definitions.fork(index, fork);
+                    }
+                    let once = matches!(v, Visit::Fork(Fork::Repeats)) && !is_loop;
+                    scan.visits.push(if once { Visit::Fork(Fork::Opens) } else { v });
+                    continue;
+                }
+                Use::Called { name, elsewhere } => {
+                    definitions.call(name);
+                    let moves = if self.routines.contains_key(&name) { moving.contains(&name) } else { elsewhere };
+                    scan.visits.extend(moves.then_some(Visit::Fork(Fork::Anywhere)));
+                    continue;
+                }
+                Use::Named { name, setup, way, at } => (name, setup, way, at),
+            };
+            let is_motion = !matches!(way, Way::Perhaps | Way::Said);
+            let problem = || {
+                let mut c = Cursor::new(bytes, 0);
+                c.at = at as usize;
+                elsewhere(c.word())
+            };
+            let is_any = matches!(way, Way::Said) || set_at_any_time.contains(&name);
+            let met = if is_any { None } else { definitions.met(name, way.element()) };
+            let origins = met.as_ref().map(|met| self.origins_met(name, Some(met)));
+            let has_numbers = match &met {
+                Some(met) => met.iter().any(|k| !self.set_here.contains_key(k)),
+                None => self.defines(name),
+            };
+            if is_motion {
+                self.gone_to.insert(name);
+            }
+            if !has_numbers {
+                scan.visits.extend(is_motion.then_some(Visit::Unknown));
+                match origins {
+                    Some(origins) if is_motion && self.defines(name) => {
+                        self.list_computed(&origins, scan);
+                        self.follow_sources(name, &origins, setup, scan, &mut Vec::new());
+                    }
+                    origins if is_motion => self.goes_to_undefined(name, (setup, way), at, origins, scan, &problem),
+                    _ => {}
+                }
+                continue;
+            }
+            let is_given = self.visit_any(name, met, setup, way, at, scan);
+            if !is_given && is_motion && !self.origins.contains_key(&name) {
+                scan.problem(at as usize, problem());
+            }
+            if is_motion {
+                match origins {
+                    Some(origins) => {
+                        self.list_computed(&origins, scan);
+                        self.follow_sources(name, &origins, setup, scan, &mut Vec::new());
+                    }
+                    None => {
+                        self.computed(name, scan);
+                        self.sources(name, setup, scan, &mut Vec::new());
+                    }
+                }
+                scan.relative.extend(self.changed.get_mut(&name).into_iter().flat_map(std::mem::take));
+                scan.relative.extend(matches!(way, Way::Computed).then_some(at));
+            }
+        }
+        self.approached_from_anywhere(scan);
+        let groups = |name: &u64| self.all(*name).filter_map(|k| self.groups.get(k as usize));
+        let unused = self.no_targets.iter().filter(|name| groups(name).all(|g| g.used.is_none()));
+        let mut gone: HashSet<u32> = unused.flat_map(groups).flat_map(|g| g.first..g.first + g.count).collect();
+        let idle = self.idle(scan, bytes);
+        for (spots, is_read) in [(idle.unused, false), (idle.read, true)] {
+            for spot in spots {
+                if let Some(target) = scan.spots.get(spot as usize).filter(|_| gone.insert(spot)) {
+                    let place = (scan.at(target), target.name);
+                    if is_read { &mut scan.only_read } else { &mut scan.unused }.push(place);
+                }
+            }
+        }
+        self.list_frames(scan);
+        scan.remove(&gone);
+    }
+
+    /// The definitions of names that have several, and what reaches which.
+    fn definitions(&self) -> Definitions {
+        let is_one_of_several = |(k, g): &(u32, &Group)| {
+            let name = &g.definition.name;
+            let is_earlier = || self.defined.get(name).is_some_and(|newest| newest != k);
+            g.earlier.is_some() || self.moved_on.contains(name) || is_earlier()
+        };
+        let several = (0..).zip(&self.groups).filter(is_one_of_several).map(|(k, g)| (k, g.definition)).collect();
+        let forks = self.uses.iter().enumerate().filter_map(|(index, u)| match u {
+            Use::Direct(Visit::Fork(fork)) => Some((index, *fork)),
+            _ => None,
+        });
+        let calls = self.routines.iter().map(|(name, own)| (*name, own.calls.clone())).collect();
+        Definitions::new(several, forks, calls)
+    }
+
+    /// Visits, after all others, of targets to which motions go by other names only.
+    fn approached_from_anywhere(&self, scan: &mut Scan) {
+        let mut visited: HashSet<u32> =
+            scan.visits.iter().filter_map(|v| if let Visit::To(spot) = v { Some(*spot) } else { None }).collect();
+        for g in self.by_another_name.iter().filter_map(|k| self.groups.get(*k as usize)) {
+            for spot in (g.first..g.first + g.count).filter(|spot| visited.insert(*spot)) {
+                scan.visits.extend([Visit::Fork(Fork::Anywhere), Visit::To(spot)]);
+            }
+        }
+    }
+
+    fn part(&self, group: u32) -> Option<Part> {
+        self.groups.get(group as usize).map(|g| g.definition.part)
+    }
+
+    /// A motion to the definitions of a name that it may meet, `met` or any; whether there is one of what it goes to.
+    fn visit_any(&mut self, name: u64, met: Option<Vec<u32>>, setup: u32, way: Way, at: u32, scan: &mut Scan) -> bool {
+        // of many, that each may be the one is said once
+        let are_many = match &met {
+            Some(met) => met.len() > MOST_NAMES,
+            None => self.all(name).nth(MOST_NAMES).is_some(),
+        };
+        let element = way.element();
+        if are_many && !self.met_any.insert((name, setup, element)) {
+            scan.relative.extend(matches!(way, Way::Near(..)).then_some(at));
+            scan.visits.push(Visit::Unknown);
+            return true;
+        }
+        let mut groups = met.unwrap_or_else(|| self.all(name).collect());
+        groups.retain(|group| match (element, self.part(*group)) {
+            (Some(element), Some(Part::Element(k))) => element == k,
+            _ => true,
+        });
+        match groups[..] {
+            [] => scan.visits.push(Visit::Unknown),
+            [one] => self.visit_group(one, setup, way, at, scan),
+            _ => {
+                scan.visits.push(Visit::Fork(Fork::Opens));
+                for group in &groups {
+                    scan.visits.push(Visit::Fork(Fork::Other));
+                    self.visit_group(*group, setup, way, at, scan);
+                }
+                scan.visits.push(Visit::Fork(Fork::Closes));
+            }
+        }
+        !groups.is_empty()
+    }
+
+    pub(super) fn visit_group(&mut self, group: u32, setup: u32, way: Way, at: u32, scan: &mut Scan) {
+        let Some(g) = self.groups.get_mut(group as usize) else { return };
+        if g.count == 0 {
+            scan.visits.extend((!matches!(way, Way::Said)).then_some(Visit::Unknown));
+            return;
+        }
+        let all = g.first..g.first + g.count;
+        let fresh = g.used.is_none();
+        let one = match way {
+            Way::Element(k) if g.definition.part == Part::Whole => {
+                u32::try_from(k).ok().and_then(|k| g.first.checked_add(k)).filter(|s| all.contains(s))
+            }
+            _ => (g.count == 1).then_some(g.first),
+        };
+        match one {
+            Some(spot) => scan.assign(spot, setup),
+            None if g.used == Some(setup) => {}
+            None => all.clone().for_each(|spot| scan.assign(spot, setup)),
+        }
+        g.used = Some(setup);
+        if !matches!(way, Way::Said) {
+            self.use_targets(one.map_or(all.clone(), |spot| spot..spot + 1));
+        }
+        match (way, one) {
+            (Way::Said, _) => {}
+            (Way::Near(shift, in_tool), Some(spot)) => scan.visits.push(Visit::Near { spot, shift, in_tool, at }),
+            (Way::Near(..), None) => {
+                scan.relative.push(at);
+                scan.visits.push(Visit::Unknown);
+            }
+            (Way::To | Way::Perhaps | Way::Element(_), Some(spot)) => scan.visits.push(Visit::To(spot)),
+            // an array that a loop runs through is visited once, in its order
+            (Way::To | Way::Perhaps | Way::Element(_), None) if fresh => {
+                for spot in all {
+                    scan.visits.extend(self.apart.then_some(Visit::Fork(Fork::Anywhere)));
+                    scan.visits.push(Visit::To(spot));
+                }
+            }
+            _ => scan.visits.push(Visit::Unknown),
+        }
+    }
+}

@@ -57,7 +57,7 @@ impl Names {
         for (index, u) in std::mem::take(&mut self.uses).into_iter().enumerate() {
             definitions.pass(index);
             self.apart = open.contains(&true) && !alone.contains(&index);
-            let (name, setup, way, at) = match u {
+            match u {
                 Use::Direct(v) => {
                     let is_loop = matches!(v, Visit::Fork(Fork::Repeats)) && !alone.contains(&index);
                     match v {
@@ -70,64 +70,84 @@ impl Names {
                     }
                     let once = matches!(v, Visit::Fork(Fork::Repeats)) && !is_loop;
                     scan.visits.push(if once { Visit::Fork(Fork::Opens) } else { v });
-                    continue;
                 }
                 Use::Called { name, elsewhere } => {
                     definitions.call(name);
                     let moves = if self.routines.contains_key(&name) { moving.contains(&name) } else { elsewhere };
                     scan.visits.extend(moves.then_some(Visit::Fork(Fork::Anywhere)));
-                    continue;
                 }
-                Use::Named { name, setup, way, at } => (name, setup, way, at),
-            };
-            let is_motion = !matches!(way, Way::Perhaps | Way::Said);
-            let problem = || {
-                let mut c = Cursor::new(bytes, 0);
-                c.at = at as usize;
-                elsewhere(c.word())
-            };
-            let is_any = matches!(way, Way::Said) || set_at_any_time.contains(&name);
-            let met = if is_any { None } else { definitions.met(name, way.element()) };
-            let origins = met.as_ref().map(|met| self.origins_met(name, Some(met)));
-            let has_numbers = match &met {
-                Some(met) => met.iter().any(|k| !self.set_here.contains_key(k)),
-                None => self.defines(name),
-            };
-            if is_motion {
-                self.gone_to.insert(name);
-            }
-            if !has_numbers {
-                scan.visits.extend(is_motion.then_some(Visit::Unknown));
-                match origins {
-                    Some(origins) if is_motion && self.defines(name) => {
-                        self.list_computed(&origins, scan);
-                        self.follow_sources(name, &origins, setup, scan, &mut Vec::new());
-                    }
-                    origins if is_motion => self.goes_to_undefined(name, (setup, way), at, origins, scan, &problem),
-                    _ => {}
+                Use::Named { name, setup, way, at } => {
+                    let problem = || {
+                        let mut c = Cursor::new(bytes, 0);
+                        c.at = at as usize;
+                        elsewhere(c.word())
+                    };
+                    let is_any = matches!(way, Way::Said) || set_at_any_time.contains(&name);
+                    let met = if is_any { None } else { definitions.met(name, way.element()) };
+                    self.goes_to(name, met, (setup, way), at, scan, &problem);
                 }
-                continue;
-            }
-            let is_given = self.visit_any(name, met, setup, way, at, scan);
-            if !is_given && is_motion && !self.origins.contains_key(&name) {
-                scan.problem(at as usize, problem());
-            }
-            if is_motion {
-                match origins {
-                    Some(origins) => {
-                        self.list_computed(&origins, scan);
-                        self.follow_sources(name, &origins, setup, scan, &mut Vec::new());
-                    }
-                    None => {
-                        self.computed(name, scan);
-                        self.sources(name, setup, scan, &mut Vec::new());
-                    }
-                }
-                scan.relative.extend(self.changed.get_mut(&name).into_iter().flat_map(std::mem::take));
-                scan.relative.extend(matches!(way, Way::Computed).then_some(at));
             }
         }
         self.approached_from_anywhere(scan);
+        let gone = self.unused(scan, bytes);
+        self.list_frames(scan);
+        scan.remove(&gone);
+    }
+
+    /// A motion to a name, of which it may meet these definitions; `None` is any.
+    fn goes_to(
+        &mut self,
+        name: u64,
+        met: Option<Vec<u32>>,
+        (setup, way): (u32, Way),
+        at: u32,
+        scan: &mut Scan,
+        problem: &dyn Fn() -> String,
+    ) {
+        let is_motion = !matches!(way, Way::Perhaps | Way::Said);
+        let origins = met.as_ref().map(|met| self.origins_met(name, Some(met)));
+        let has_numbers = match &met {
+            Some(met) => met.iter().any(|k| !self.set_here.contains_key(k)),
+            None => self.defines(name),
+        };
+        if is_motion {
+            self.gone_to.insert(name);
+        }
+        if !has_numbers {
+            scan.visits.extend(is_motion.then_some(Visit::Unknown));
+            match origins {
+                Some(origins) if is_motion && self.defines(name) => {
+                    self.list_computed(&origins, scan);
+                    self.follow_sources(name, &origins, setup, scan, &mut Vec::new());
+                }
+                origins if is_motion => self.goes_to_undefined(name, (setup, way), at, origins, scan, problem),
+                _ => {}
+            }
+            return;
+        }
+        let is_given = self.visit_any(name, met, setup, way, at, scan);
+        if !is_motion {
+            return;
+        }
+        if !is_given && !self.origins.contains_key(&name) {
+            scan.problem(at as usize, problem());
+        }
+        match origins {
+            Some(origins) => {
+                self.list_computed(&origins, scan);
+                self.follow_sources(name, &origins, setup, scan, &mut Vec::new());
+            }
+            None => {
+                self.computed(name, scan);
+                self.sources(name, setup, scan, &mut Vec::new());
+            }
+        }
+        scan.relative.extend(self.changed.get_mut(&name).into_iter().flat_map(std::mem::take));
+        scan.relative.extend(matches!(way, Way::Computed).then_some(at));
+    }
+
+    /// Targets to which no motion goes, which are told.
+    fn unused(&self, scan: &mut Scan, bytes: &[u8]) -> HashSet<u32> {
         let groups = |name: &u64| self.all(*name).filter_map(|k| self.groups.get(k as usize));
         let unused = self.no_targets.iter().filter(|name| groups(name).all(|g| g.used.is_none()));
         let mut gone: HashSet<u32> = unused.flat_map(groups).flat_map(|g| g.first..g.first + g.count).collect();
@@ -140,8 +160,7 @@ impl Names {
                 }
             }
         }
-        self.list_frames(scan);
-        scan.remove(&gone);
+        gone
     }
 
     /// The definitions of names that have several, and what reaches which.

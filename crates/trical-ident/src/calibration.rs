@@ -6,19 +6,18 @@ use serde::ser::SerializeMap;
 use trical_model::{Cell, Model, Motion, Recording, Robot, Site, Task};
 use trical_recording::CsvStream;
 
-use crate::adapted::score_session;
-use crate::ball_places::{place_of, unknown_places};
-use crate::by_place::{ByPlace, MeasuredDistance, OfPlace, TriedByPlace, choose, doubtful_places, score_places};
+use crate::by_place::{ByPlace, MeasuredDistance, OfPlace, TriedByPlace, choose, doubtful_places};
 use crate::caution::{
     EVEN_MASSES, beyond_limits, cautions, coincident, held, near_nominal, no_arm, odd_units, shared_errors, too_many,
     which_target, without_masses,
 };
 use crate::dataset::{Dataset, JointSource, Rejected};
 use crate::error::{IdentError, Result};
-use crate::fit::{orientation_errors, position_errors};
-use crate::folds::{FOLDS, Folds};
+use crate::fit::orientation_errors;
+use crate::folds::Folds;
+use crate::held_out::held_out;
+pub use crate::held_out::{HeldOut, cross_validate, forward_in_time, score_sessions};
 use crate::identifiability::{Choice, Dependent, Elasticity, OwnSetup, ParameterSet};
-pub use crate::identify::Fit;
 use crate::identify::{ErrorSummary, Identified, identify};
 use crate::joint_choice::clean;
 use crate::read_otherwise::read_otherwise;
@@ -30,9 +29,6 @@ use crate::units::shown;
 /// Beyond so many measurements errors at unseen poses are worked out only where they are asked for, and standard deviations are those of
 /// independent measurements.
 const SCORED: usize = 40_000;
-
-/// Share of each session's poses that is predicted by a fit to those before, percent.
-const LAST: usize = 25;
 
 /// Which sessions share a tool.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -75,44 +71,6 @@ impl Options {
             hold_out_last: None,
             tool: ToolSharing::FromData,
         }
-    }
-}
-
-/// Errors at poses that the fit did not see.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct HeldOut {
-    /// Each pose by a fit without it (rows at the same joints are one pose).
-    pub by_pose: Option<ErrorSummary>,
-    /// Each block of neighbouring poses by a fit without it.
-    pub by_block: Option<ErrorSummary>,
-    /// The last quarter of each session's poses by a fit to those before.
-    pub forward: Option<ErrorSummary>,
-    /// Each session by the arm that the others say, its own setup identified on every fourth of its poses.
-    pub by_session: Option<ErrorSummary>,
-    /// Each place of the balls by the arm that the others say, the place's own pose identified on half of its touches; see [`score_places`].
-    pub by_place: Option<ErrorSummary>,
-}
-
-impl HeldOut {
-    /// Each that there is, with what it is.
-    #[must_use]
-    pub fn named(&self) -> Vec<(&'static str, ErrorSummary)> {
-        [
-            ("by pose", self.by_pose),
-            ("by block of poses", self.by_block),
-            ("forward in time", self.forward),
-            ("by session", self.by_session),
-            ("by place of the balls", self.by_place),
-        ]
-        .into_iter()
-        .filter_map(|(name, e)| e.map(|e| (name, e)))
-        .collect()
-    }
-
-    /// The one with the largest mean error.
-    #[must_use]
-    pub fn worst(&self) -> Option<(&'static str, ErrorSummary)> {
-        self.named().into_iter().max_by(|a, b| a.1.mean_mm.total_cmp(&b.1.mean_mm))
     }
 }
 
@@ -566,134 +524,4 @@ fn session_setups(fitted: &Identified) -> Vec<SessionSetup> {
         SessionSetup { recording: name.clone(), own, differs_mm }
     };
     data.names.iter().enumerate().map(setup).collect()
-}
-
-/// Errors (m) of the observations whose pose is in `scored`, by a fit to the others.
-fn unseen(data: &Dataset, scored: &dyn Fn(usize) -> bool, fit: Fit<'_>) -> Result<Vec<f64>> {
-    let (train, scored) = (data.filtered(|o| !scored(o.pose)), data.filtered(|o| scored(o.pose)));
-    let fitted = fit(&train)?;
-    let known = unknown_places(&fitted.model.cell, &train);
-    let unknown = unknown_places(&fitted.model.cell, data);
-    let told = |data: &Dataset, p| crate::ball_places::terms(&fitted.model.cell, data, p).len();
-    let poor: Vec<_> =
-        unknown.into_iter().filter(|p| !known.contains(p) || told(&train, *p) < told(data, *p)).collect();
-    let nowhere = |o: &crate::dataset::Observation| place_of(o).is_some_and(|p| poor.contains(&p));
-    if let Some(o) = scored.observations.iter().find(|o| nowhere(o)) {
-        return Err(data.error(o, "where the balls stood cannot be told from the poses that are fitted"));
-    }
-    let forward = trical_model::Forward::new(fitted.model, Vec::new())?;
-    Ok(position_errors(&forward, &scored))
-}
-
-/// Errors (m) of every observation, fold by fold: each by a fit to the poses of the other folds. No fold cuts a block of neighbouring poses.
-/// Everything is fitted on the rest, the measuring frame too.
-///
-/// # Errors
-/// As [`identify`], and fewer blocks than folds.
-pub fn cross_validate(
-    robot: &Robot,
-    cell: &Cell,
-    data: &Dataset,
-    choice: impl Into<Choice>,
-    count: usize,
-) -> Result<Vec<f64>> {
-    let choice = choice.into();
-    let folds = Folds::of(data);
-    let fit = |data: &Dataset| identify(robot, cell, data, choice.clone());
-    if count < 2 || folds.blocks() < 2 * count {
-        return Err(IdentError::NotEnough(format!(
-            "{count}-fold cross-validation needs at least 2 folds and twice as many blocks of neighbouring poses as folds; there \
-             are {} blocks of {} poses",
-            folds.blocks(),
-            folds.poses().len()
-        )));
-    }
-    let mut errors = Vec::with_capacity(data.observations.len());
-    for split in folds.by_block(count) {
-        errors.extend(unseen(data, &split, &fit)?);
-    }
-    Ok(errors)
-}
-
-/// Errors (m) of the last `percent` of each session's poses, by a fit to those before them: what a calibration is worth later.
-///
-/// # Errors
-/// As [`identify`], and a share that leaves nothing on either side.
-pub fn forward_in_time(
-    robot: &Robot,
-    cell: &Cell,
-    data: &Dataset,
-    choice: impl Into<Choice>,
-    percent: usize,
-) -> Result<Vec<f64>> {
-    let choice = choice.into();
-    let folds = Folds::of(data);
-    let fit = |data: &Dataset| identify(robot, cell, data, choice.clone());
-    let split = folds.forward(percent).ok_or_else(|| {
-        IdentError::NotEnough(format!(
-            "{}: the last {percent} % of {} poses leave no poses to fit or none to score",
-            data.names.join(", "),
-            folds.poses().len()
-        ))
-    })?;
-    unseen(data, &split, &fit)
-}
-
-/// Errors at unseen poses, each way that the data allow; a fit that fails has none.
-fn held_out(
-    robot: &Robot,
-    cell: &Cell,
-    data: &Dataset,
-    folds: &Folds,
-    choice: &Choice,
-    task: &Task<'_>,
-) -> Result<(HeldOut, ByPlace)> {
-    let fit = |data: &Dataset| identify(robot, cell, data, choice.clone());
-    let summary = |errors: Result<Vec<f64>>| errors.ok().filter(|e| !e.is_empty()).map(|e| ErrorSummary::of(&e));
-    let by_pose = || -> Result<Vec<f64>> {
-        let mut errors = Vec::with_capacity(data.observations.len());
-        for split in folds.by_pose(FOLDS) {
-            errors.extend(unseen(data, &split, &fit)?);
-        }
-        Ok(errors)
-    };
-    let pose = summary(by_pose());
-    task.step(0.65, "scoring blocks of poses")?;
-    let block = summary(cross_validate(robot, cell, data, choice.clone(), FOLDS));
-    task.step(0.8, "scoring later poses")?;
-    let later = summary(forward_in_time(robot, cell, data, choice.clone(), LAST));
-    task.step(0.9, "scoring sessions")?;
-    let by_session = (data.names.len() > 1).then(|| summary(score_sessions(data, &fit))).flatten();
-    task.step(0.95, "scoring places")?;
-    let places = score_places(cell, data, &fit).unwrap_or_default();
-    let by_place = summary(Ok(places.errors.clone()));
-    Ok((HeldOut { by_pose: pose, by_block: block, forward: later, by_session, by_place }, places))
-}
-
-/// Sessions that are left out together where there are more: as many fits.
-const SESSION_FOLDS: usize = 10;
-
-/// The least share of all measurements that others are scored by: a fit to fewer says what a short session is worth alone, and nothing of a fit to
-/// all.
-const LEARNT_SHARE: f64 = 0.25;
-
-/// Errors (m) of every session by a fit to others, of up to ten to all others; what is its own is identified from every fourth of its poses, the
-/// rest are scored. A session beside which the others are few is not scored.
-///
-/// # Errors
-/// As the fit.
-pub fn score_sessions(data: &Dataset, fit: Fit<'_>) -> Result<Vec<f64>> {
-    let sessions = data.names.len();
-    let mut errors = Vec::new();
-    for fold in 0..sessions.min(SESSION_FOLDS) {
-        let others = data.filtered(|o| o.recording % SESSION_FOLDS != fold);
-        if (others.observations.len() as f64) < LEARNT_SHARE * data.observations.len() as f64 {
-            continue;
-        }
-        let others = fit(&others)?;
-        for session in (fold..sessions).step_by(SESSION_FOLDS) {
-            errors.extend(score_session(&others.model, &data.filtered(|o| o.recording == session))?);
-        }
-    }
-    Ok(errors)
 }

@@ -9,7 +9,7 @@
 //! | [`known`] | priors and limits of parameters |
 //! | [`torque_load`] | loads on the flange, by measured joint torques |
 //! | [`identifiability`], [`triangle`] | parameter sets, rank, covariance, observability; which columns are sums of others |
-//! | [`identify`], [`calibration`] | a fit; the whole way from recordings to what a fit is worth |
+//! | [`identify`], [`calibration`], `held_out` | a fit; the whole way from recordings to what a fit is worth |
 //! | [`folds`] | which poses a fit must not see when it is scored |
 //! | [`follow`] | indicators that read the same whatever the arm does |
 //! | [`repeated`] | measurements that were given twice |
@@ -37,6 +37,7 @@ pub mod fit;
 pub mod folds;
 pub mod follow;
 pub mod gross;
+mod held_out;
 pub mod history;
 pub mod identifiability;
 pub mod identify;

@@ -6,7 +6,7 @@ use trical_ident::HeldOut;
 use trical_ident::caution::{EVEN_MASSES, cautions, listed, shared_errors, too_many, without_masses};
 use trical_ident::dataset::Dataset;
 use trical_ident::date::newest;
-use trical_ident::error::Result;
+use trical_ident::error::{IdentError, Result};
 use trical_ident::fit::position_errors;
 use trical_ident::folds::Folds;
 use trical_ident::identifiability::Choice;
@@ -58,19 +58,11 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
     let start = design.start();
     let proving = Proving::new(&rounds, &design, &probes, &start)?;
     let folds = &proving.folds;
-    let whole = |parts: &Option<Parts<'_>>| parts.as_ref().map(|p| p.errors(&[], None));
     let of_sessions = rounds.by_session();
     let [plain_by_session, by_session] = *of_sessions.as_ref().unwrap_or(&[None; 2]);
     let of_places = rounds.by_place();
     let [plain_by_place, by_place] = *of_places.as_ref().unwrap_or(&[None; 2]);
-    let held_out = HeldOut {
-        by_pose: whole(&Parts::by_pose(&design, chosen, folds, rounds.temper())),
-        by_block: whole(&proving.blocks),
-        // the last places of balls are not known before them
-        forward: whole(&proving.later).filter(|_| by_place.is_none()),
-        by_place,
-        by_session,
-    };
+    let held_out = proving.held_out(by_session, by_place);
     let usual = held_out.by_block.unwrap_or(ErrorSummary::of(&fitted.errors()?));
     let none = proving.prove(&[]);
     let Found { findings, grounds, mut unexplained, doubted } = proving.findings(none, task)?;
@@ -80,7 +72,18 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
     let errors = fitted.errors()?;
     let before_errors = position_errors(&Forward::new(baseline.clone(), Vec::new())?, &fitted.data);
     let lack_of_fit_p = |state: &RegressionState| lack_of_fit(&proving.search, state, chosen);
-    let elasticity = Choice::from(BASELINE).elasticity(robot, kept)?;
+    let failed = |what: &str, e: &IdentError| {
+        format!("the error at a {what} that the fit did not see could not be computed: {e}")
+    };
+    let cautions =
+        cautions_of(&rounds, robot, &baseline, effective, folds, unsearched.as_ref().map(ToString::to_string))?
+            .into_iter()
+            .chain(another_zero(&grounds, &kept.names))
+            .chain(no_better_elsewhere("in a session", plain_by_session, by_session))
+            .chain(no_better_elsewhere("at a place of the balls", plain_by_place, by_place))
+            .chain(of_sessions.err().map(|e| failed("session", &e)))
+            .chain(of_places.err().map(|e| failed("place", &e)))
+            .collect();
     let diagnosis = Diagnosis {
         verdict: verdict::of(
             &findings,
@@ -114,34 +117,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
         },
         unexplained: (!unexplained.is_empty()).then(|| unexplained.remove(0)),
         more_unexplained: unexplained,
-        cautions: cautions(&fitted.model, fitted.observability.rows, fitted.free.len())
-            .into_iter()
-            .chain(if baseline.robot == *robot {
-                without_masses(elasticity, &baseline)
-            } else {
-                Some(EVEN_MASSES.into())
-            })
-            .chain(rounds.read_otherwise.clone())
-            .chain(rounds.hardly_determined.iter().cloned())
-            .chain(unsearched.as_ref().map(ToString::to_string))
-            .chain(too_many(effective, arm_parameters(&fitted.model), folds))
-            .chain(shared_errors(fitted.design_effect))
-            .chain(rounds.correlation.caution())
-            .chain(rounds.readings.map(|r| read_several_times(r, rounds.touch_sigma())))
-            .chain(another_zero(&grounds, &kept.names))
-            .chain(no_better_elsewhere("in a session", plain_by_session, by_session))
-            .chain(no_better_elsewhere("at a place of the balls", plain_by_place, by_place))
-            .chain(
-                of_sessions
-                    .err()
-                    .map(|e| format!("the error at a session that the fit did not see could not be computed: {e}")),
-            )
-            .chain(
-                of_places
-                    .err()
-                    .map(|e| format!("the error at a place that the fit did not see could not be computed: {e}")),
-            )
-            .collect(),
+        cautions,
         rejected: fitted.data.rejected.clone(),
         model: fitted.model.clone(),
         uncertainty: Uncertainty::of(fitted).map(|u| {
@@ -159,6 +135,32 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
     };
     task.step(1.0, "done")?;
     Ok(diagnosis)
+}
+
+/// What of the fit and its data should make one look twice; `unsearched` is what was not searched, in words.
+fn cautions_of(
+    rounds: &Rounds,
+    robot: &Robot,
+    baseline: &Model,
+    effective: f64,
+    folds: &Folds,
+    unsearched: Option<String>,
+) -> Result<Vec<String>> {
+    let Rounds { kept, fitted, .. } = rounds;
+    let elasticity = Choice::from(BASELINE).elasticity(robot, kept)?;
+    let even = baseline.robot != *robot;
+    let masses = if even { Some(EVEN_MASSES.into()) } else { without_masses(elasticity, baseline) };
+    Ok(cautions(&fitted.model, fitted.observability.rows, fitted.free.len())
+        .into_iter()
+        .chain(masses)
+        .chain(rounds.read_otherwise.clone())
+        .chain(rounds.hardly_determined.iter().cloned())
+        .chain(unsearched)
+        .chain(too_many(effective, arm_parameters(&fitted.model), folds))
+        .chain(shared_errors(fitted.design_effect))
+        .chain(rounds.correlation.caution())
+        .chain(rounds.readings.map(|r| read_several_times(r, rounds.touch_sigma())))
+        .collect())
 }
 
 /// What to say where a joint has another zero in some sessions than in the others: which of them the model has, by the dates in their names.
@@ -302,6 +304,19 @@ impl<'a> Proving<'a> {
             folds,
             halves: rounds.halves()?,
         })
+    }
+
+    /// Errors at what the fit did not see, those at sessions and places as given.
+    fn held_out(&self, by_session: Option<ErrorSummary>, by_place: Option<ErrorSummary>) -> HeldOut {
+        let whole = |parts: &Option<Parts<'_>>| parts.as_ref().map(|p| p.errors(&[], None));
+        HeldOut {
+            by_pose: whole(&Parts::by_pose(self.design, &self.rounds.chosen, &self.folds, self.rounds.temper())),
+            by_block: whole(&self.blocks),
+            // the last places of balls are not known before them
+            forward: whole(&self.later).filter(|_| by_place.is_none()),
+            by_place,
+            by_session,
+        }
     }
 
     /// Findings in the order of importance, each with its evidence, its rivals and how probable it is; `none` is the proof of the baseline.

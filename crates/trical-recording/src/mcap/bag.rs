@@ -98,15 +98,7 @@ pub(super) fn recording(
     let all = seen.len();
     seen.retain(|(_, s)| s.is_whole());
     let lost = all - seen.len();
-    let frames: BTreeSet<&str> = seen.iter().map(|(_, s)| s.frame.as_str()).collect();
-    let frame = match frames.iter().take(6).map(|f| format!("'{f}'")).collect::<Vec<_>>().as_slice() {
-        [] => String::new(),
-        [one] => one.clone(),
-        several => {
-            let several = several.join(", ");
-            return Err(bad(format!("its measurements on {seen_on} are in the frames {several}; expected one frame")));
-        }
-    };
+    let frame = frame_of(&seen, &seen_on).map_err(bad)?;
     let described = description(raw);
     let known = KnownJoints::new(expected, described.as_ref());
     let (states, others) = of_the_arm(states, known);
@@ -128,29 +120,26 @@ pub(super) fn recording(
         .map(|(m, s)| Sight { t: clock.time(m, s.stamp()), position: s.position, quaternion: s.quaternion })
         .collect();
     let stands = stands(&samples, &sights);
-    if stands.rows.is_empty() {
-        return Err(bad(format!(
-            "none of {all} measurements on {seen_on} can be used: {lost} hold no finite numbers or no unit quaternion, {} have no joint state \
-             within {NEAR} s, {} were taken while the arm moved; expected measurements of an arm that stands",
-            stands.without, stands.moving
-        )));
-    }
-    notes.push(format!(
-        "{} rows from {all} measurements on {seen_on} where the arm stood (no joint moved by {STILL} rad or m within {AROUND} s), averaged at each \
-         stop, from whose mean they are {:.3} mm off at most; left out: {} while it moved, {} without a joint state within {NEAR} s, {lost} without \
-         finite numbers or a unit quaternion, {} far from the others of their stop",
-        stands.rows.len(),
-        stands.spread * 1e3,
-        stands.moving,
-        stands.without,
-        stands.far
-    ));
+    notes.push(stands.in_words(all, lost, &seen_on).map_err(bad)?);
     notes.push(format!("positions in m in the frame {frame}, which is taken as the measuring frame"));
     let described = described.as_ref().filter(|d| d.robot.dof() == order.len());
     let prismatic = described.map(|d| d.robot.prismatic());
     let name = path.display().to_string();
     let notes = notes.into_iter().map(|n| format!("{name}: {n}")).collect();
     Ok(Recording { name, joints: order.len(), prismatic, places: Vec::new(), rows: stands.rows, notes })
+}
+
+/// The one frame that all was seen in, in quotes.
+fn frame_of(seen: &[(&RawMessage, Stamped)], seen_on: &str) -> Result<String, String> {
+    let frames: BTreeSet<&str> = seen.iter().map(|(_, s)| s.frame.as_str()).collect();
+    let frames: Vec<String> = frames.iter().take(6).map(|f| format!("'{f}'")).collect();
+    match frames.as_slice() {
+        [] => Ok(String::new()),
+        [one] => Ok(one.clone()),
+        several => {
+            Err(format!("its measurements on {seen_on} are in the frames {}; expected one frame", several.join(", ")))
+        }
+    }
 }
 
 /// The topic with measurements, and the frame that was asked for: of a tree of transforms one frame is a measurement, which has to be
@@ -424,6 +413,26 @@ struct Stands {
     far: usize,
     /// How far what is averaged is from its mean at most, m.
     spread: f64,
+}
+
+impl Stands {
+    /// What became of `all` measurements on a topic, of which `lost` hold no numbers; an error where no row did.
+    fn in_words(&self, all: usize, lost: usize, seen_on: &str) -> Result<String, String> {
+        let Self { rows, moving, without, far, spread } = self;
+        if rows.is_empty() {
+            return Err(format!(
+                "none of {all} measurements on {seen_on} can be used: {lost} hold no finite numbers or no unit quaternion, {without} have no joint \
+                 state within {NEAR} s, {moving} were taken while the arm moved; expected measurements of an arm that stands"
+            ));
+        }
+        Ok(format!(
+            "{} rows from {all} measurements on {seen_on} where the arm stood (no joint moved by {STILL} rad or m within {AROUND} s), averaged at \
+             each stop, from whose mean they are {:.3} mm off at most; left out: {moving} while it moved, {without} without a joint state within \
+             {NEAR} s, {lost} without finite numbers or a unit quaternion, {far} far from the others of their stop",
+            rows.len(),
+            spread * 1e3
+        ))
+    }
 }
 
 /// Measurements at one stop.

@@ -29,7 +29,7 @@ const PRINTED: f64 = 3e-4;
 /// Touches of printed sockets are off by much so often that they count linearly beyond so many standard deviations (Huber 1964).
 pub(crate) const HUBER: f64 = 0.6;
 
-/// A tool is known to some centimetres, and the nominal arm to some millimetres: how much a start believes either, m.
+/// Before the first fit a tool is known to some centimetres, and where the nominal arm has it to some millimetres: standard deviations, m.
 const TOOL: f64 = 0.03;
 const ARM: f64 = 0.01;
 

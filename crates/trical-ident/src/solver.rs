@@ -116,20 +116,20 @@ pub struct LmReport {
 /// How much steps are held back (columns have unit length).
 struct Damping {
     lambda: f64,
-    /// By how much the next refused step raises it.
+    /// By how much the next rejected step raises it.
     rise: f64,
-    /// Where tries cost much, each of several steps refused in a row raises it by more (Nielsen 1999).
+    /// Where tries cost much, each of several steps rejected in a row raises it by more (Nielsen 1999).
     faster: f64,
 }
 
 impl Damping {
-    fn refused(&mut self) {
+    fn rejected(&mut self) {
         self.lambda = (self.lambda * self.rise).max(1e-9);
         self.rise *= self.faster;
     }
 
-    /// A step was taken, which lowered the cost by so much of what was predicted.
-    fn taken(&mut self, gain: f64) {
+    /// A step was accepted, which lowered the cost by so much of what was predicted.
+    fn accepted(&mut self, gain: f64) {
         self.rise = 10.0;
         if gain > 0.75 {
             self.lambda = (self.lambda * 0.1).max(1e-15);
@@ -294,11 +294,11 @@ impl Solver {
             report.ended = Ended::Step;
             return Ok(report);
         }
-        let mut fresh = true;
+        let mut jacobian_is_new = true;
         while report.iterations < params.max_iterations {
             trical_model::interrupt::checkpoint()?;
             report.iterations += 1;
-            if fresh {
+            if jacobian_is_new {
                 self.hold(&x, known);
                 report.gradient = self.rescale(forward)?;
             }
@@ -307,8 +307,8 @@ impl Solver {
                 break;
             }
             if !self.step(damping.lambda, &x, known) {
-                damping.refused();
-                fresh = false;
+                damping.rejected();
+                jacobian_is_new = false;
                 if damping.lambda > 1e6 {
                     report.ended = Ended::Stuck;
                     break;
@@ -319,12 +319,12 @@ impl Solver {
             if limited {
                 predicted = self.stop_at_targets(&x);
                 if predicted <= 0.0 && size >= params.step_tolerance {
-                    damping.refused();
-                    fresh = false;
+                    damping.rejected();
+                    jacobian_is_new = false;
                     continue;
                 }
             }
-            if fresh && predicted <= params.cost_tolerance * self.at.cost && size < NEGLIGIBLE {
+            if jacobian_is_new && predicted <= params.cost_tolerance * self.at.cost && size < NEGLIGIBLE {
                 report.ended = Ended::Cost;
                 break;
             }
@@ -336,7 +336,7 @@ impl Solver {
                 let fell = self.at.cost - new_cost;
                 let gain = fell / predicted.max(1e-300);
                 x.copy_from_slice(&self.proposal);
-                // twice the fall that is foreseen is the squared length of the step, where each direction is measured by its standard deviation
+                // 2 predicted = |step|^2, each direction in units of its standard deviation
                 let mean = (2.0 * predicted / p as f64).sqrt();
                 let small_step = size.min(mean) < params.step_tolerance;
                 let small_fall =
@@ -349,9 +349,9 @@ impl Solver {
                     }
                     std::mem::swap(&mut self.at, &mut self.tried);
                 }
-                fresh = true;
+                jacobian_is_new = true;
                 report.cost = new_cost;
-                damping.taken(gain);
+                damping.accepted(gain);
                 if small_step || small_fall {
                     report.ended = if small_step { Ended::Step } else { Ended::Cost };
                     self.hold(&x, known);
@@ -360,12 +360,12 @@ impl Solver {
                 }
             } else {
                 forward.set_coefficients(&x);
-                fresh = false;
+                jacobian_is_new = false;
                 if predicted <= params.cost_tolerance * self.at.cost || size < params.step_tolerance {
                     report.ended = Ended::Cost;
                     break;
                 }
-                damping.refused();
+                damping.rejected();
                 if damping.lambda > 1e9 {
                     report.ended = Ended::Stuck;
                     break;

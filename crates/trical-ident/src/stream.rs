@@ -237,7 +237,7 @@ pub fn identify_stream(
             if keep == Keep::Factor {
                 return Err(not_converged("no rows"));
             }
-            // the whole is worse than its sample: once more, by orthogonal factors
+            // the sample was not typical: the whole file is nearer to losing rank. Once more, by orthogonal factors
             keep = Keep::Factor;
             continue;
         };

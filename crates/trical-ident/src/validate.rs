@@ -52,7 +52,7 @@ pub struct SessionErrors {
 }
 
 impl SessionErrors {
-    /// "a.csv: learnt as session 2", "b.csv: frame, targets identified from 25 poses, the other 75 scored".
+    /// "a.csv: the model was fitted to it", "b.csv: frame and targets identified from 25 of its poses, the other 75 scored".
     #[must_use]
     pub fn in_words(&self) -> String {
         let known = match (self.learnt, self.refitted.is_empty()) {

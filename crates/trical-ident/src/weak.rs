@@ -71,7 +71,7 @@ fn beyond(model: &Model, plausible: &[Option<f64>], share: f64) -> Vec<usize> {
 /// The same for a prior: no joint gives way more than the softest.
 pub(crate) fn no_softer(model: &Model, plausible: &[Option<f64>]) -> Vec<Option<f64>> {
     let of = |(t, sd): (&Term, &Option<f64>)| match t.gives_way() {
-        // one without any load, too
+        // a joint that never bears a load, too: nothing measures its compliance
         Some(_) => Some(sd.map_or(SOFTEST, |sd| sd.min(SOFTEST))),
         None => *sd,
     };

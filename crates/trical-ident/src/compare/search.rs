@@ -37,7 +37,7 @@ pub(super) fn changes(whitened: &mut Whitened<'_>) -> Vec<Change> {
         taken.push((best, beside.told(best)));
         leave_out_wrong(whitened, &but(&taken, None));
     }
-    // what was taken first stood for what came later, too
+    // an early choice may explain what a later one explains better: try the search without it
     for _ in 0..CHANGES {
         let before = but(&taken, None);
         for own in before.iter().copied() {

@@ -431,3 +431,18 @@ impl Names {
         std::iter::successors(self.defined.get(&name).copied(), |k| self.groups.get(*k as usize)?.earlier)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn targets_at_places_whose_bytes_are_one_letter_in_capitals_and_not_have_names_of_their_own() {
+        let mut names = Names::in_text(b';');
+        let mut own = |at: u8| match names.define_at(usize::from(at), 0, 1) {
+            Origin::Name { name, .. } => name,
+            _ => 0,
+        };
+        assert_ne!(own(b'A'), own(b'a'));
+    }
+}

@@ -4,7 +4,7 @@
 //! what belongs to that session (measuring frame, place of the balls, tool points) is identified there from some of its poses and the
 //! others are scored, or it is taken as the model has it.
 
-use trical_model::{Cell, Forward, JointKind, Measured, Model, Recording, Robot, Support};
+use trical_model::{Cell, Forward, Measured, Model, Recording, Robot, Support};
 
 use crate::adapted::{Adapted, LeftOut, Refit, adapted, own_terms, refitted};
 use crate::ball_places::{self, place_of, training_poses};
@@ -232,7 +232,7 @@ pub fn validate(
 
 /// "q2 -32.0 to 10.5 deg", "q1 0.0 to 900.0 mm" where joint 1 slides.
 fn stretch(robot: &Robot, joint: usize, ends: [f64; 2]) -> String {
-    let (scale, unit) = robot.joints.get(joint).map_or_else(JointKind::default, |j| j.kind).unit();
+    let (scale, unit) = robot.kind(joint + 1).unit();
     // no "-0.0"
     let [low, high] = ends.map(|q| (q * scale * 10.0).round() / 10.0 + 0.0);
     format!("q{} {low:.1} to {high:.1} {unit}", joint + 1)
@@ -324,7 +324,7 @@ fn regions(robot: &Robot, data: &Dataset, errors: &[(f64, f64)], beyond: &[bool]
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use trical_model::{Row, State};
+    use trical_model::{JointKind, Row, State};
 
     #[test]
     fn regions_of_a_rail_are_in_mm_without_negative_zeros_and_a_joint_at_rest_has_none() {

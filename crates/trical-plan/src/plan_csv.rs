@@ -34,13 +34,8 @@ pub struct PlanFileError {
     pub expected: String,
 }
 
-/// Which unit a joint has in the file.
-fn kind(robot: &Robot, joint: usize) -> JointKind {
-    robot.joints.get(joint).map_or_else(JointKind::default, |j| j.kind)
-}
-
 fn joint_names(robot: &Robot, letter: char) -> impl Iterator<Item = String> + '_ {
-    (0..robot.dof()).map(move |k| format!("{letter}{}_{}", k + 1, kind(robot, k).unit().1))
+    (0..robot.dof()).map(move |k| format!("{letter}{}_{}", k + 1, robot.kind(k + 1).unit().1))
 }
 
 /// The names of the columns, in the order in which they are written.
@@ -53,7 +48,7 @@ fn columns(robot: &Robot) -> Vec<String> {
 #[must_use]
 pub fn write_plan(robot: &Robot, entries: &[PlanEntry]) -> String {
     let number = |q: &Joints, k: usize| {
-        let text = format!("{:.6}", q[k] * kind(robot, k).unit().0);
+        let text = format!("{:.6}", q[k] * robot.kind(k + 1).unit().0);
         // -0.000000 is 0
         if text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.') {
             text.trim_start_matches('-').to_owned()
@@ -130,7 +125,7 @@ impl Line<'_> {
     /// What `text` in a column says of joint `k`.
     fn joint(&self, column: usize, text: &str, k: usize) -> Result<f64, PlanFileError> {
         let limits = self.reader.robot.joints[k].limits;
-        let kind = kind(self.reader.robot, k);
+        let kind = self.reader.robot.kind(k + 1);
         let (per_si, unit) = kind.unit();
         let [low, high] = limits.map(|l| l * per_si);
         let si = |x: f64| if kind == JointKind::Prismatic { x * 1e-3 } else { x.to_radians() };

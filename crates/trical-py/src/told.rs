@@ -7,7 +7,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
 use trical_diagnose::Diagnosis;
 use trical_ident::{Calibration, JointSource, ModelFile, Validation};
-use trical_model::{Cell, JointKind, Robot};
+use trical_model::{Cell, Robot};
 use trical_recording::output;
 use trical_report::study::Study;
 use trical_report::{Made, certificate, diagnosis_report, identify_report, plan_report, plan_told, validate_report};
@@ -92,7 +92,7 @@ impl PyTold {
             Kept::Diagnosed(d) => &d.0.model.robot,
             _ => return Err(bad("expected an identification or a diagnosis").into()),
         };
-        Ok(robot.joints.iter().map(|j| j.kind == JointKind::Prismatic).collect())
+        Ok((1..=robot.dof()).map(|joint| robot.slides(joint)).collect())
     }
 
     /// Writes the certificate of a calibration or a validation: one page, made by `call` from `inputs`.

@@ -3,8 +3,7 @@
 use std::collections::HashMap;
 
 use trical_model::{
-    Forward, JointKind, Joints, MAX_JOINTS, Measured, Model, Pose, Robot, Scope, Shape, Site, State, Term, Variable,
-    Workspace,
+    Forward, Joints, MAX_JOINTS, Measured, Model, Pose, Robot, Scope, Shape, Site, State, Term, Variable, Workspace,
 };
 
 use crate::branch::Branches;
@@ -80,7 +79,7 @@ fn of_programs(model: &Model, nominal: &Model, options: &Options) -> Model {
 
 /// Refuses a program whose columns say mm of a joint that turns, or deg of one that slides.
 fn check_units(robot: &Robot, scan: &Scan) -> Result<(), ProgramError> {
-    let kinds = robot.joints.iter().map(|j| j.kind == JointKind::Prismatic);
+    let kinds = (1..=robot.dof()).map(|joint| robot.slides(joint));
     let Some((k, (slides, _))) = kinds.zip(&scan.in_mm).enumerate().find(|(_, (slides, mm))| slides != *mm) else {
         return Ok(());
     };
@@ -115,7 +114,7 @@ impl<'a> Compensator<'a> {
             rail: moves_rail.then(|| nominal.robot.joints[0].limits),
             on_rail: HashMap::new(),
             branches: Branches::of(&carried),
-            slides: carried.joints.iter().map(|j| j.kind == JointKind::Prismatic).collect(),
+            slides: (1..=carried.dof()).map(|joint| carried.slides(joint)).collect(),
             dof: carried.dof(),
             t: when(options.time_s, Variable::Time, &model),
             seq: when(options.seq, Variable::Seq, &model),

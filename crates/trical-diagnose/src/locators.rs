@@ -244,8 +244,8 @@ pub fn describe<'a>(
         .collect();
     let n = name(variable);
     let region = match first.terms.as_slice() {
-        // what others add to it moves its ends
-        [one] if terms.len() <= 1 => match one.basis.shape {
+        // what others add to one that goes on to the end of the range may be anywhere
+        [one] if terms.len() <= 1 || !goes_on(one.basis.shape, [low, high]) => match one.basis.shape {
             Shape::Step { at } => {
                 let below = values.iter().filter(|v| **v < at).count();
                 let sign = if 2 * below <= values.len() { "<" } else { ">" };
@@ -281,6 +281,15 @@ pub fn describe<'a>(
     };
     let variable = basis.sense.map_or(n, |joint| format!("dir{joint}"));
     Located { variable, region, curve, units: (units.to_owned(), off_units.to_owned()) }
+}
+
+/// Whether a shape is there from a value on to the end of a range.
+fn goes_on(shape: Shape, [low, high]: [f64; 2]) -> bool {
+    match shape {
+        Shape::Step { .. } | Shape::Growth { .. } => true,
+        Shape::Tent { left, right, .. } => right > high || left < low,
+        _ => false,
+    }
 }
 
 /// The joint of a place, from 1; 0 for another place.

@@ -18,7 +18,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use serde::Serialize;
 
-use crate::settings::{BOOTSTRAP_DRAWS, LARGEST_CONFIDENCE, RECALIBRATION, TWIN_NATS};
+use crate::settings::{BOOTSTRAP_DRAWS, LARGEST_ALONE, LARGEST_CONFIDENCE, RECALIBRATION, TWIN_NATS};
 
 /// What could stand in the place of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -146,7 +146,8 @@ pub fn probabilities(shares: &Shares, found: &Replicated, findings: usize) -> Sh
         |evidence, some, curve| (1.0 - shares.twins) * recalibrated(evidence, (some, found.parts), findings, curve);
     let place = of(shares.place, found.place, &RECALIBRATION[0]);
     let family = of(shares.family, found.family, &RECALIBRATION[1]).min(place);
-    let effect = of(shares.effect, found.agree, &RECALIBRATION[2]).min(family);
+    let most = if found.parts == 0 { LARGEST_ALONE } else { 1.0 };
+    let effect = of(shares.effect, found.agree, &RECALIBRATION[2]).min(family).min(most);
     Shares { place, family, effect, ..*shares }
 }
 
@@ -216,5 +217,9 @@ mod tests {
         // where no halves were searched the shares count for more
         let alone = |effect| probabilities(&Shares { effect, ..shares }, &Replicated::default(), 5).effect;
         assert!(alone(0.95) > of(4, 5) && alone(0.05) < 0.2, "{} {}", alone(0.95), alone(0.05));
+        // but no name is surer than one that every half finds
+        let sure = Shares { place: 1.0, family: 1.0, effect: 1.0, twins: 0.0 };
+        let p = probabilities(&sure, &Replicated::default(), 1);
+        assert!(p.effect == LARGEST_ALONE && p.family > p.effect, "{p:?}");
     }
 }

@@ -334,6 +334,10 @@ pub const PROBE_BETTER_NATS: f64 = 3.0;
 /// No claim is surer than this.
 pub const LARGEST_CONFIDENCE: f64 = 0.99;
 
+/// The same of a name that no halves were searched for: of 194 names said at 0.95 and more by the shares alone (arms of a simulator with which nothing here was
+/// learnt) 187 were right, of 456 that halves say, too, 452.
+pub const LARGEST_ALONE: f64 = 0.97;
+
 // Rivals
 
 /// Rivals of one finding that are set against it.

@@ -4,6 +4,7 @@
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use trical_diagnose::{Diagnosis, Finding, Rival, RowKind, Unexplained, VerdictRow, verdict};
 use trical_ident::caution::listed;
+use trical_ident::model_file::Uncertainty;
 use trical_ident::{ErrorSummary, JointSource, Noise};
 use trical_model::{Basis, Forward, JointKind, Measured, Model, Place, Robot, Shape, Site, State, Term, Variable};
 
@@ -115,14 +116,15 @@ struct Seen {
 
 /// The model without some of its terms, the others fitted anew, in the linear picture: with their covariance `C` of those left out, `o`, the
 /// others change by `-C[., o] C[o, o]^-1 x[o]`. Where that covariance was not kept, or has no inverse, the others stay as they are.
-fn without(own: &dyn Fn(&Term) -> bool, d: &Diagnosis) -> Model {
-    let mut model = d.model.clone();
-    if let Some(u) = &d.uncertainty {
+fn without(own: &dyn Fn(&Term) -> bool, fitted: &Model, uncertainty: Option<&Uncertainty>) -> Model {
+    let mut model = fitted.clone();
+    if let Some(u) = uncertainty {
         let n = u.names.len();
-        let sd: Vec<f64> = u.names.iter().map(|name| sd_of(&d.model, name)).collect();
+        let sd_of = |name: &String| fitted.terms.iter().find(|t| t.name == *name).and_then(|t| t.sd).unwrap_or(0.0);
+        let sd: Vec<f64> = u.names.iter().map(sd_of).collect();
         let named = |t: &Term| u.names.iter().position(|name| *name == t.name).filter(|k| sd[*k] > 0.0);
         let out: Vec<(usize, f64)> =
-            d.model.terms.iter().filter(|t| own(t)).filter_map(|t| Some((named(t)?, t.value))).collect();
+            fitted.terms.iter().filter(|t| own(t)).filter_map(|t| Some((named(t)?, t.value))).collect();
         let among = DMatrix::from_fn(out.len(), out.len(), |i, j| u.correlation[out[i].0 * n + out[j].0]);
         let sizes = DVector::from_fn(out.len(), |i, _| out[i].1 / sd[out[i].0]);
         if let Some(share) = among.cholesky().map(|factor| factor.solve(&sizes)) {
@@ -137,10 +139,6 @@ fn without(own: &dyn Fn(&Term) -> bool, d: &Diagnosis) -> Model {
     model
 }
 
-fn sd_of(model: &Model, name: &str) -> f64 {
-    model.terms.iter().find(|t| t.name == name).and_then(|t| t.sd).unwrap_or(0.0)
-}
-
 fn seen(f: &Finding, d: &Diagnosis) -> Result<Seen> {
     let own = |t: &Term| f.coefficients.iter().any(|c| c.name == t.name);
     // the direction in which it acts, whatever its variables say
@@ -150,7 +148,7 @@ fn seen(f: &Finding, d: &Diagnosis) -> Result<Seen> {
     let along = six(&none, &d.data)
         .and_then(|none| Ok(six(&always, &d.data)?.iter().zip(none).map(|(a, b)| a - b).collect::<Vec<_>>()))
         .ok();
-    let (with, without) = (six(&d.model, &d.data)?, six(&without(&own, d), &d.data)?);
+    let (with, without) = (six(&d.model, &d.data)?, six(&without(&own, &d.model, d.uncertainty.as_ref()), &d.data)?);
     // what only turns the tool is seen in its orientation alone
     let size = |first: usize| {
         let parts = with.iter().zip(&without).map(|(a, b)| (a - b).fixed_rows::<3>(first).norm_squared());

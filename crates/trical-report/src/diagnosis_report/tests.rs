@@ -111,3 +111,22 @@ fn steps_follow_each_other_also_where_one_of_them_makes_the_error_larger() {
     let told: Vec<String> = chained(0.512, steps.into()).into_iter().map(|(name, _)| name).collect();
     assert_eq!(told, ["1", "2", "?"]);
 }
+
+#[test]
+fn what_others_say_of_a_finding_is_theirs_where_it_is_left_out() {
+    let mut model = crate::test_data::arm();
+    let term = |name: &str, value| {
+        let site = Site::Joint { joint: 2 };
+        Term { value, sd: Some(1e-3), ..Term::new(name, "effect", site, Basis::CONSTANT) }
+    };
+    model.terms.extend([term("own", 2e-3), term("other", 1e-3), term("apart", 1e-3)]);
+    let names = ["own", "other", "apart"].map(str::to_owned).to_vec();
+    let correlation = vec![1.0, -0.8, 0.0, -0.8, 1.0, 0.0, 0.0, 0.0, 1.0];
+    let known = Uncertainty { names, correlation, noise: 1e-5, rotation_noise: None, course: 0.0, effects: 0.0 };
+    let left = |known: Option<&Uncertainty>| {
+        let without = without(&|t| t.name == "own", &model, known);
+        without.terms[without.terms.len() - 3..].iter().map(|t| (t.value * 1e6).round()).collect::<Vec<_>>()
+    };
+    assert_eq!(left(Some(&known)), [0.0, 2600.0, 1000.0]);
+    assert_eq!(left(None), [0.0, 1000.0, 1000.0]);
+}

@@ -491,9 +491,9 @@ fn refuse_short(data: &Dataset) -> Result<()> {
             file: data.names[k].clone(),
             place: "its rows".into(),
             problem: format!(
-                "found {} of the {SHORT} poses at least that tell whether tool and balls are those of the other recordings; measure more, or \
+                "found {}; at least {SHORT} are needed to tell whether tool and balls are the same as in the other recordings: measure more, or \
                  say that all have one tool",
-                poses(k)
+                if poses(k) == 1 { "1 pose".to_owned() } else { format!("{} poses", poses(k)) }
             ),
         }),
         None => Ok(()),

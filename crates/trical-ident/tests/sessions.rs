@@ -386,7 +386,7 @@ fn a_session_too_short_to_tell_where_its_tool_is_is_refused() {
         calibrate(&nominal.robot, &nominal.cell, &[first, second], &options, &Task::silent())
     };
     let said = all(1).unwrap_err().to_string();
-    assert!(said.starts_with("short.csv") && said.contains("found 1 of the 5 poses at least"), "{said}");
+    assert!(said.starts_with("short.csv") && said.contains("found 1 pose; at least 5 are needed"), "{said}");
     assert!(all(12).is_ok());
 }
 

@@ -14,6 +14,9 @@ const WORSE: f64 = 2.0;
 /// Intervals of 95 % that hold fewer are worth a word.
 const LEAST_COVERED: f64 = 0.9;
 
+/// A model that is worse than the nominal arm by this much is one whose surroundings have changed.
+const FAR: f64 = 3.0;
+
 /// What makes the errors worth little, in one sentence each.
 pub fn cautions(v: &Validation) -> Vec<String> {
     let mut out = Vec::new();
@@ -95,6 +98,11 @@ pub fn render(v: &Validation, file: &ModelFile, mut made: Made) -> Result<String
         verdict += &signing(list.len());
     } else {
         verdict += " Do not sign: the model is no better than the nominal arm here.";
+        if v.after.mean_mm > FAR * v.before.mean_mm && v.sessions.iter().any(|s| s.refitted.is_empty()) {
+            verdict = format!(
+                "Instrument, tool or balls seem to stand elsewhere than in the model: identify them here first (--refit frame,targets). {verdict}"
+            );
+        }
     }
     let anew = v.sessions.iter().any(|s| !s.refitted.is_empty());
     let mut text = vec![format!(
@@ -172,6 +180,8 @@ mod tests {
         let (better, worse) = (page(&validation(1.0, 0.5)), page(&validation(1.0, 1.0)));
         assert!(better.contains("before signing.</p>") && !better.contains("Do not sign"));
         assert!(worse.contains("mm. Do not sign: the model is no better than the nominal arm here.</p>"));
+        let elsewhere = "stand elsewhere than in the model: identify them here first";
+        assert!(!worse.contains(elsewhere) && page(&validation(1.0, 9.0)).contains(elsewhere));
     }
 
     #[test]

@@ -108,12 +108,16 @@ impl<'a> Search<'a> {
     /// What else changes with the gain `g` of an indicator, nats: its readings have the noise of the residuals, which is `1 + g` times as large with
     /// it. Without this the best of gains would be those that make readings small.
     fn scaled_noise(&self, state: &RegressionState, candidate: usize) -> f64 {
-        if self.candidates[candidate].cause != EffectId::IndicatorGain.into() {
+        if !self.scales_noise(candidate) {
             return 0.0;
         }
         let gain = self.design.coefficients(state, candidate).first().copied().unwrap_or(0.0);
         let readings = self.design.rows as f64 / 3.0 * self.temper;
         readings * gain.clamp(-0.5, 0.5).ln_1p()
+    }
+
+    fn scales_noise(&self, candidate: usize) -> bool {
+        self.candidates[candidate].cause == EffectId::IndicatorGain.into()
     }
 
     fn plausible(&self, state: &RegressionState, candidate: usize) -> bool {
@@ -150,7 +154,8 @@ impl<'a> Search<'a> {
             .into_par_iter()
             .with_min_len(256)
             .filter(|c| !self.banned[*c])
-            .filter_map(|c| self.evidence_of(state, c, least_dss))
+            // noise may add to what a gain removes
+            .filter_map(|c| self.evidence_of(state, c, if self.scales_noise(c) { 0.0 } else { least_dss }))
             .collect();
         let order = |a: &Ranked, b: &Ranked| {
             whole(b.evidence).total_cmp(&whole(a.evidence)).then(a.candidate.cmp(&b.candidate))

@@ -237,13 +237,13 @@ pub fn lines(d: &Diagnosis) -> Vec<String> {
         d.after.poses,
         same_balls(d)
     );
+    let (elsewhere, plain_is_better) = worth_elsewhere(d).unzip();
     let table = |claims: usize, advised: usize| -> Vec<String> {
         let (mut rows, decimals) = told(d, d.verdict.shortened(claims));
         let corrected = rows.iter().any(|r| r.corrected && claims_something(r));
         if let Some(whole) = rows.last_mut() {
-            let (said, plain_is_better) = worth_elsewhere(d).unzip();
-            let uses = (corrected && plain_is_better != Some(true)).then(|| USES.to_owned());
-            whole.text += &said.into_iter().chain(uses).map(|s| format!("; {s}")).collect::<String>();
+            let uses = (corrected && plain_is_better != Some(true)).then_some(USES);
+            whole.text += &elsewhere.as_deref().into_iter().chain(uses).map(|s| format!("; {s}")).collect::<String>();
         }
         let each = rows.iter().enumerate().flat_map(|(k, row)| row_lines(row, decimals, k <= advised));
         std::iter::once(head.clone()).chain(each).collect()

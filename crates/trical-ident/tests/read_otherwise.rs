@@ -2,7 +2,7 @@
 
 use trical_ident::read_otherwise::read_otherwise;
 use trical_ident::{Choice, Dataset, JointSource, ParameterSet, identify};
-use trical_model::Measured;
+use trical_model::{Basis, Forward, Measured, Model, Pose, Shape, Site, Term, Variable};
 
 use crate::arm;
 
@@ -31,4 +31,32 @@ fn signs_axes_and_units_of_the_readings_are_told_where_all_fits_with_them() {
     begins(|[x, y, z]| [-x, y, z], "along x as -ix_mm says");
     begins(|[x, y, z]| [y, x, z], "along x as iy_mm says, along y as ix_mm says");
     begins(|[x, y, z]| [x, y, z / 2.0], "along z as 2.00 iz_mm says");
+}
+
+#[test]
+fn readings_that_count_for_nothing_fit_at_poses_as_they_were_planned_and_are_not_proposed() {
+    let truth = arm::truth(ParameterSet::Compliance, 5);
+    let mut real = truth.clone();
+    let wave = Basis::new(Variable::Joint { joint: 4 }, Shape::Sine { cycles: 2.0 });
+    real.terms.push(Term { value: 4e-3, ..Term::new("hidden", "hidden", Site::Joint { joint: 4 }, wave) });
+    let planned = Forward::new(Model::nominal(truth.robot.clone(), truth.cell.clone()), Vec::new()).unwrap();
+    let forward = Forward::new(real, Vec::new()).unwrap();
+    let (mut there, mut ws) = (planned.workspace(), forward.workspace());
+    let mut recording = arm::touch(&truth, 80, 3e-6, 7);
+    recording.rows.retain_mut(|row| {
+        let Measured::Touch { ball, reading } = &mut row.measured else { return false };
+        let rotation = planned.world_from_tool(&row.state, &mut there).rotation;
+        let on = Pose { rotation, translation: truth.cell.balls[*ball] };
+        let Ok(q) = trical_model::ik::continue_from(&planned, &on, &row.state, &mut there) else { return false };
+        row.state.q = q;
+        let pose = forward.world_from_tool(&row.state, &mut ws);
+        *reading = (pose.rotation.transpose() * (truth.cell.balls[*ball] - pose.translation)).into();
+        true
+    });
+    let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
+    let choice = Choice::from(ParameterSet::Compliance);
+    let fitted = identify(&truth.robot, &truth.cell, &data, choice).unwrap();
+    let errors = fitted.errors().unwrap();
+    assert!(errors.iter().sum::<f64>() / errors.len() as f64 > 1e-4, "the model lacks something");
+    assert_eq!(read_otherwise(&fitted), None);
 }

@@ -108,9 +108,14 @@ pub const LARGEST_TEXT: usize = 20_000_000;
 
 /// Reads a whole text file; an error names it.
 pub fn read_text(path: &std::path::Path) -> Result<String> {
+    let unreadable = |_| ModelError::unreadable(&path.display().to_string(), "is not UTF-8 text");
+    String::from_utf8(read_bytes(path)?).map_err(unreadable)
+}
+
+/// The bytes of a text file; an error names it.
+pub(crate) fn read_bytes(path: &std::path::Path) -> Result<Vec<u8>> {
     use std::io::Read;
-    let file = path.display().to_string();
-    let unreadable = |problem: String| ModelError::unreadable(&file, problem);
+    let unreadable = |problem: String| ModelError::unreadable(&path.display().to_string(), problem);
     let mut bytes = Vec::new();
     std::fs::File::open(path)
         .and_then(|f| f.take(LARGEST_TEXT as u64 + 1).read_to_end(&mut bytes))
@@ -118,7 +123,7 @@ pub fn read_text(path: &std::path::Path) -> Result<String> {
     if bytes.len() > LARGEST_TEXT {
         return Err(unreadable(format!("has more than {LARGEST_TEXT} bytes, expected a text of at most that")));
     }
-    String::from_utf8(bytes).map_err(|_| unreadable("is not UTF-8 text".into()))
+    Ok(bytes)
 }
 
 /// The line (1-based) of each offset; offsets must not fall.

@@ -29,7 +29,7 @@ pub(crate) mod xml;
 
 use std::path::{Path, PathBuf};
 
-use crate::error::{Result, read_text};
+use crate::error::{ModelError, Result, read_bytes, read_text};
 use crate::robot::Robot;
 
 pub(crate) use mdh::robot_from_axes;
@@ -104,9 +104,32 @@ impl UrdfPath {
     /// # Errors
     /// As [`parse`].
     pub fn load(&self) -> Result<Imported> {
-        let text = read_text(&self.path)?;
+        let text = read_xml(&self.path)?;
         parse(&text, &self.path.display().to_string(), self.root.as_deref(), self.tip.as_deref())
     }
+}
+
+/// Reads the text of a URDF. Of a file in ISO-8859-1 that says so, it is the same in UTF-8, and says that.
+///
+/// # Errors
+/// One sentence that names the file.
+pub(crate) fn read_xml(path: &Path) -> Result<String> {
+    let problem = "is not UTF-8 text, nor does its first line say that it is in ISO-8859-1";
+    in_utf8(read_bytes(path)?).ok_or_else(|| ModelError::unreadable(&path.display().to_string(), problem))
+}
+
+fn in_utf8(bytes: Vec<u8>) -> Option<String> {
+    const LATIN: &str = "iso-8859-1";
+    let bytes = match String::from_utf8(bytes) {
+        Ok(text) => return Some(text),
+        Err(e) => e.into_bytes(),
+    };
+    let text: String = bytes.iter().map(|b| char::from(*b)).collect();
+    let end = text.find("?>").filter(|_| text.starts_with("<?xml"))?;
+    let (declaration, rest) = text.split_at(end);
+    let at = declaration.to_ascii_lowercase().find(LATIN)?;
+    let behind = &declaration[at + LATIN.len()..];
+    behind.starts_with(['"', '\'']).then(|| format!("{}UTF-8{behind}{rest}", &declaration[..at]))
 }
 
 /// Reads the arm between two links of a URDF (the root of the tree and its only end, if they are not named); `file` is its

@@ -1,6 +1,6 @@
 //! A URDF with its arm corrected: the file as it was given, but for the origins of the joints that move.
 
-use crate::error::{ModelError, Result, read_text};
+use crate::error::{ModelError, Result};
 use crate::forward::{Forward, Model};
 use crate::pose::{Pose, angles_zyx};
 use crate::recording::State;
@@ -8,7 +8,7 @@ use crate::robot::Robot;
 use crate::term::Site;
 
 use crate::urdf::tree::{self, Place};
-use crate::urdf::{UrdfPath, parse, robot_from_axes, xml};
+use crate::urdf::{UrdfPath, parse, read_xml, robot_from_axes, xml};
 
 /// The corrected file may differ from the model by this, m and rad: rounding of Euler angles.
 const SAME: f64 = 1e-8;
@@ -55,12 +55,12 @@ fn origin(pose: &Pose) -> String {
     format!("<origin xyz=\"{x} {y} {z}\" rpy=\"{roll} {pitch} {yaw}\"")
 }
 
-/// As [`corrected`], of a file whose arm may be named behind a `#`.
+/// As [`corrected`], of a file whose arm may be named behind a `#`; it is in UTF-8, whatever the given one is in.
 ///
 /// # Errors
 /// As [`corrected`].
 pub fn corrected_file(given: &UrdfPath, model: &Model) -> Result<String> {
-    let text = read_text(&given.path)?;
+    let text = read_xml(&given.path)?;
     corrected(&text, &given.path.display().to_string(), given.root.as_deref(), given.tip.as_deref(), model)
 }
 

@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 
-use super::parse;
+use super::{in_utf8, parse};
 use crate::cell::Cell;
 use crate::forward::{Forward, Model};
 use crate::pose::{Pose, rotation_zyx};
@@ -174,6 +174,20 @@ fn check(chain: &Chain, robot: &Robot, draw: &mut Draw, tolerance: f64) {
             assert!((tau[k] - wanted).abs() < 1e-8, "torque {} instead of {wanted}", tau[k]);
         }
     }
+}
+
+#[test]
+fn a_file_in_the_encoding_that_it_declares_is_read_as_utf_8() {
+    let latin = |encoding: &str| {
+        let text = format!("<?xml version='1.0' encoding='{encoding}'?>\n<robot name='Gr");
+        in_utf8([text.as_bytes(), b"\xf6\xdfe'/>"].concat())
+    };
+    let read = latin("ISO-8859-1").unwrap();
+    assert_eq!(read, "<?xml version='1.0' encoding='UTF-8'?>\n<robot name='Gr\u{f6}\u{df}e'/>");
+    assert_eq!(in_utf8(read.clone().into_bytes()), Some(read));
+    // another encoding has other letters
+    assert_eq!((latin("ISO-8859-15"), latin("windows-1250")), (None, None));
+    assert_eq!(in_utf8(b"<robot name='\xf6'/>".to_vec()), None);
 }
 
 #[test]
@@ -392,6 +406,17 @@ fn every_broken_urdf_gets_a_sentence_of_its_own() {
     let fingers = GOOD.replace("</robot>", &hand_of(["left_finger", "right_finger"]));
     let e = refused(&fingers.replace("</robot>", ball), None, None);
     assert!(e.contains("r.urdf#a:ball"), "{e}");
+    // of a whole arm with two grippers' joints of any names at its end: the link that carries both
+    let link = |k: usize| {
+        format!(
+            "<link name='l{k}'/><joint name='j{k}' type='continuous'><parent link='{}'/><child link='l{k}'/></joint>",
+            if k == 4 { "c".to_owned() } else { format!("l{}", k - 1) }
+        )
+    };
+    let arm = GOOD.replace("</robot>", &format!("{}</robot>", (4..=7).map(link).collect::<String>()));
+    let two = hand_of(["f1", "f2"]).replace("parent link='c'", "parent link='l7'");
+    let e = refused(&arm.replace("</robot>", &two), None, None);
+    assert!(e.contains("several ends, f1, f2") && e.contains("r.urdf#a:l7"), "{e}");
     // but two wheels' names hold no 'ee' of an end effector
     let e = hand(["wheel", "tcp"]);
     assert!(e.contains("r.urdf#a:tcp"), "{e}");

@@ -205,7 +205,7 @@ impl<'a> Tree<'a> {
     }
 
     /// The link that is an arm's flange most likely: it is named so, and as many joints move it as an arm may have. Of a
-    /// gripper it is the link where the fingers part, not one of them.
+    /// gripper it is the link where the fingers part, not one of them; and where all ends share a whole arm, its last link.
     fn likeliest(&self, root: usize, leaves: &[usize]) -> usize {
         const NAMES: [&str; 5] = ["tool0", "flange", "tool", "tcp", "ee"];
         // of a gripper, which moves more than the arm does
@@ -220,17 +220,26 @@ impl<'a> Tree<'a> {
             let few = moves <= MAX_JOINTS;
             let arm = few && !FINGERS.iter().any(|n| name.contains(n));
             let end = self.below[*link].is_empty();
-            (arm, named > 0 && moves >= 4, if few { moves } else { 0 }, named, end, std::cmp::Reverse(*link))
+            let whole = moves >= 4;
+            let shared = whole && leaves.iter().all(|leaf| self.chain(*link, *leaf).is_ok());
+            (arm, named > 0 && whole, shared, if few { moves } else { 0 }, named, end, std::cmp::Reverse(*link))
         };
         let parts = leaves.iter().filter_map(|leaf| self.parting(*leaf)).filter(|link| moves(*link) > 0);
-        leaves.iter().copied().chain(parts).max_by_key(rank).unwrap_or(root)
+        let shared = leaves.first().and_then(|leaf| {
+            self.links_above(*leaf).find(|link| leaves.iter().all(|leaf| self.chain(*link, *leaf).is_ok()))
+        });
+        leaves.iter().copied().chain(parts).chain(shared).max_by_key(rank).unwrap_or(root)
     }
 
     /// The last link above `leaf` from which several joints move on.
     fn parting(&self, leaf: usize) -> Option<usize> {
+        self.links_above(leaf).find(|link| self.below[*link].iter().filter(|j| self.moves(**j)).count() > 1)
+    }
+
+    /// The links from the one above `link` to the root.
+    fn links_above(&self, link: usize) -> impl Iterator<Item = usize> {
         let above = |link: usize| self.above[link].map(|j| self.ends[j].0);
-        std::iter::successors(above(leaf), |link| above(*link))
-            .find(|link| self.below[*link].iter().filter(|j| self.moves(**j)).count() > 1)
+        std::iter::successors(above(link), move |link| above(*link))
     }
 
     /// What link `from`, which stands at `root_from_link`, carries without the joint `except`: joints that branch off stay at

@@ -70,10 +70,18 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// With the flange as a tool and the controller's world as a frame, by the names that no program changes.
+    /// The flange as a tool and the controller's world as a frame, by the names that a controller has for them.
+    #[must_use]
+    pub fn predefined(flange: &str, world: &str) -> Self {
+        let flange = (flange.to_owned(), Ok(ToolFrame::massless(Pose::identity())));
+        Self { tools: [flange].into(), frames: [(world.to_owned(), Ok(Pose::identity()))].into(), world: None }
+    }
+
+    /// With these as [`Self::predefined`]: no program changes them.
     pub fn predefine(&mut self, flange: &str, world: &str) {
-        self.tools.insert(flange.into(), Ok(ToolFrame::massless(Pose::identity())));
-        self.frames.insert(world.into(), Ok(Pose::identity()));
+        let Self { tools, frames, .. } = Self::predefined(flange, world);
+        self.tools.extend(tools);
+        self.frames.extend(frames);
     }
 }
 

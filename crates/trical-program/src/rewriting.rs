@@ -12,7 +12,7 @@ use trical_model::{Cell, Model, Pose, Robot, Scope, Term, Variable};
 
 use crate::branch::Configuration;
 use crate::compensation::{Compensator, Done, MOST_RELATIVE, Shifted, Start, by_measured_torque, settle_unnamed};
-use crate::dialects::{Dialect, MARK};
+use crate::dialects::{Dialect, MARK, poses_csv};
 use crate::elsewhere::{Elsewhere, Nowhere};
 use crate::error::ProgramError;
 use crate::frames::{AT, Frames, ToolFrame, find};
@@ -79,6 +79,13 @@ pub fn compensate(
     }
     let mut known = std::mem::take(&mut scan.frames);
     known.or(frames);
+    if dialect == Dialect::Csv {
+        // a table declares nothing: these mean what they do in programs, where its user says nothing else
+        known.or(&Frames::predefined("tool0", "wobj0"));
+        if options.frame.is_none() && known.world.is_none() {
+            poses_csv::check_units(&scan, bytes).map_err(input)?;
+        }
+    }
     find_elsewhere(&mut known, &scan, elsewhere);
     known.world = known.world.or_else(|| dialect.usual_world(&nominal.robot));
     check_names(&known, options).map_err(input)?;

@@ -8,7 +8,7 @@ use trical_recording::columns::{self, Field, Unit};
 
 use crate::branch::Configuration;
 use crate::literal::Shape;
-use crate::scan::{Scan, Setup, Visit};
+use crate::scan::{Scan, Setup, Spot, Visit};
 use crate::text::{Span, lower, number};
 
 /// Columns of what was measured: a file that has one is a recording, and nothing in it is a target.
@@ -53,6 +53,53 @@ pub fn scan(bytes: &[u8]) -> Result<Scan, String> {
     Ok(scan)
 }
 
+/// Where the fields of a line stand in it, without blanks and quotation marks around them; commas between such marks separate none.
+fn fields(line: &[u8]) -> Vec<Span> {
+    let (mut found, mut from, mut is_quoted) = (Vec::new(), 0, false);
+    for (at, b) in line.iter().chain(b",").enumerate() {
+        is_quoted ^= *b == b'"';
+        if at < line.len() && (is_quoted || *b != b',') {
+            continue;
+        }
+        let text = line.get(from..at).unwrap_or(&[]);
+        let is_around = |b: &&u8| b.is_ascii_whitespace() || **b == b'"';
+        let start = from + text.iter().take_while(is_around).count();
+        let end = at - text.iter().rev().take_while(is_around).count();
+        found.push(Span::new(start, end.max(start)));
+        from = at + 1;
+    }
+    found
+}
+
+/// Refuses positions in the robot's base that are in metres where the columns say mm, or the other way round: no tool is within 10 mm of the middle
+/// of its arm's foot, and none 100 m away.
+///
+/// # Errors
+/// In words, with the columns that would fit.
+pub fn check_units(scan: &Scan, bytes: &[u8]) -> Result<(), String> {
+    const NEAREST_MM: f64 = 10.0;
+    const FARTHEST_MM: f64 = 1e5;
+    let is_in_frame = |s: &Spot| s.setup.and_then(|k| scan.setups.get(k as usize)).is_some_and(|s| s.frame.is_some());
+    let mut farthest: f64 = 0.0;
+    for spot in scan.spots.iter().filter(|s| !s.shape.is_joints()) {
+        if is_in_frame(spot) {
+            return Ok(());
+        }
+        for (k, span) in scan.spans(spot).iter().take(3).enumerate() {
+            farthest = farthest.max(scan.value(*span, bytes).map_or(0.0, |x| (x * scan.scale(k)).abs()));
+        }
+    }
+    let (found, expected) = match scan.scale(0) == 1.0 {
+        true if farthest > 0.0 && farthest < NEAREST_MM => ("x_mm,y_mm,z_mm", "x_m,y_m,z_m"),
+        false if farthest > FARTHEST_MM => ("x_m,y_m,z_m", "x_mm,y_mm,z_mm"),
+        _ => return Ok(()),
+    };
+    Err(format!(
+        "{found}: no coordinate of the table is larger than {farthest:.3} mm, and no arm has its tool there; if the numbers are in {}, the columns are {expected}",
+        if expected.contains("mm") { "mm" } else { "m" }
+    ))
+}
+
 struct Columns {
     shape: Shape,
     /// Column of each number of a target.
@@ -68,7 +115,7 @@ struct Columns {
 
 impl Columns {
     fn of(header: &[u8]) -> Result<Self, String> {
-        let names: Vec<String> = header.split(|b| *b == b',').map(|n| lower(n.trim_ascii())).collect();
+        let names: Vec<String> = fields(header).iter().map(|name| lower(name.text(header))).collect();
         let find = |name: &str| names.iter().position(|n| n == name);
         let of = |field: Field| {
             let found = names.iter().enumerate().filter_map(|(at, name)| {
@@ -127,14 +174,8 @@ impl Columns {
     }
 
     fn row(&self, at: usize, line: &[u8], bytes: &[u8], scan: &mut Scan) {
-        let mut fields = Vec::with_capacity(self.width);
-        let mut from = 0;
-        for field in line.split(|b| *b == b',') {
-            let start = from + field.len() - field.trim_ascii_start().len();
-            let text = field.trim_ascii();
-            fields.push(Span::new(at + start, at + start + text.len()));
-            from += field.len() + 1;
-        }
+        let in_file = |f: Span| Span::new(at + f.at as usize, at + f.at as usize + f.len as usize);
+        let fields: Vec<Span> = fields(line).into_iter().map(in_file).collect();
         if fields.len() != self.width {
             scan.problems
                 .push((at, format!("found {} fields, expected {} as in the header", fields.len(), self.width)));

@@ -772,6 +772,29 @@ fn a_table_in_other_units_and_with_angles_is_the_same_table() {
     );
     let twice = refused(b"x_mm,y_mm,z_mm,qw,qx,qy,qz,roll_deg,pitch_deg,yaw_deg\n", Dialect::Csv);
     assert!(twice.contains("twice"), "{twice}");
+    // in quotation marks, and with the names of the flange and of the robot's base that its user says nothing of
+    let quoted = b"\"name, and place\",\"x_mm\", \"y_mm\",z_mm,qw,qx,qy,qz,tool,frame\n\"a, b\",\"350\",\"50\",320,0,0.6,0.8,0,TOOL0,wobj0\n";
+    let (out, report) = run(quoted, Dialect::Csv, &nominal, &real, &Frames::default());
+    assert_eq!(report.setups, [("tool 'tool0' in 'wobj0'".to_owned(), 1)], "{:?}", report.problems);
+    assert!(String::from_utf8_lossy(&out).contains("\n\"a, b\",\"35"), "{}", String::from_utf8_lossy(&out));
+    let own = Frames::parse("[tools.tool0]\nxyz_mm = [0, 0, 7]\n", "f.toml").unwrap();
+    let (_, moved) = run(quoted, Dialect::Csv, &nominal, &real, &own);
+    assert!((moved.rows[0].joints[1] - report.rows[0].joints[1]).abs() > 1e-3);
+    // metres where the columns say millimetres, and the other way round; in a frame a place may be as near
+    let small = "x_mm,y_mm,z_mm,qw,qx,qy,qz,frame\n0.35,0.05,0.32,0,0.6,0.8,0,\n";
+    let metres = refused(small.as_bytes(), Dialect::Csv);
+    assert!(
+        metres.contains("larger than 0.350 mm") && metres.contains("are in m, the columns are x_m,y_m,z_m"),
+        "{metres}"
+    );
+    let millimetres = refused(b"x_m,y_m,z_m,qw,qx,qy,qz\n350,50,320,0,0.6,0.8,0\n", Dialect::Csv);
+    assert!(
+        millimetres.contains("larger than 350000.000 mm") && millimetres.contains("x_mm,y_mm,z_mm"),
+        "{millimetres}"
+    );
+    let table = Frames::parse("[frames.table]\nxyz_mm = [350, 50, 320]\n", "f.toml").unwrap();
+    let on_table = small.replace("0,\n", "0,table\n");
+    assert_eq!(run(on_table.as_bytes(), Dialect::Csv, &nominal, &real, &table).1.rewritten, 1);
     let by_tabs = refused(b"x_mm\ty_mm\tz_mm\n1\t2\t3\n", Dialect::Csv);
     assert!(by_tabs.contains("separated by tabs; expected commas"), "{by_tabs}");
     for (header, words) in

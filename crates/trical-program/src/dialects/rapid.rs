@@ -258,7 +258,7 @@ impl Reader<'_> {
         }
     }
 
-    /// What a name is called among all names: arguments and data of a routine are its own.
+    /// What a name is called among all names: arguments and data of a routine are its own, and so are a module's where a file has several.
     fn key(&self, name: &[u8]) -> u64 {
         let name = hashed(name);
         self.locals.get(&name).copied().unwrap_or(name)
@@ -266,14 +266,24 @@ impl Reader<'_> {
 
     /// What a tool or a work object is called among all of them.
     fn frame_name(&self, name: &[u8]) -> String {
-        let is_local = self.locals.contains_key(&hashed(name));
-        if is_local { format!("{} of {}", lower(name), self.within) } else { lower(name) }
+        let hash = hashed(name);
+        let whose = match self.locals.get(&hash) {
+            None => return lower(name),
+            own if own == self.of_module.get(&hash) => &self.module,
+            _ => &self.within,
+        };
+        format!("{} of {whose}", lower(name))
     }
 
     /// Words that begin or end routines, branches and loops.
     fn block(&mut self, from: usize, word: &[u8]) -> bool {
         let is = |words: &[&[u8]]| is_one_of(word, words);
-        if is(&[b"proc", b"func", b"trap"]) {
+        if is(&[b"module"]) && self.has_modules {
+            self.c.skip_space();
+            self.module = format!("module {}", lower(self.c.word()));
+            self.of_module.clear();
+            self.locals.clear();
+        } else if is(&[b"proc", b"func", b"trap"]) {
             if is(&[b"func"]) {
                 self.c.skip_space();
                 // the kind of its value
@@ -288,11 +298,12 @@ impl Reader<'_> {
             if is(&[b"trap"]) {
                 self.names.runs_at_any_time(name);
             }
-            self.locals = self.routines.get(&name).into_iter().flatten().map(|p| (p.name, p.scoped)).collect();
+            self.locals.clone_from(&self.of_module);
+            self.locals.extend(self.routines.get(&name).into_iter().flatten().map(|p| (p.name, p.scoped)));
         } else if is(&[b"endproc", b"endfunc", b"endtrap"]) {
             self.names.end(Some(Fork::Anywhere));
             self.within.clear();
-            self.locals.clear();
+            self.locals.clone_from(&self.of_module);
         } else if is(&[b"error", b"undo", b"backward", b"callbyvar"]) && begins_line(self.c.bytes, from) {
             self.names.handler();
         } else if is(&[b"for"]) {
@@ -364,10 +375,16 @@ impl Reader<'_> {
         }
     }
 
-    /// A name that is declared here is the routine's own, if one is being read.
+    /// A name that is declared here is the routine's own, if one is being read; or its module's, of several in the file.
     fn own(&mut self, name: &[u8]) {
         if !self.within.is_empty() {
-            self.locals.entry(hashed(name)).or_insert_with(|| scoped(name, self.within.as_bytes()));
+            if self.locals.get(&hashed(name)) == self.of_module.get(&hashed(name)) {
+                self.locals.insert(hashed(name), scoped(name, self.within.as_bytes()));
+            }
+        } else if self.is_local && self.has_modules {
+            let own = scoped(name, self.module.as_bytes());
+            self.of_module.insert(hashed(name), own);
+            self.locals.insert(hashed(name), own);
         }
     }
 

@@ -26,8 +26,8 @@ impl Reader<'_> {
             return;
         }
         let text = name.text(self.c.bytes);
-        let hash = hashed(text);
         self.own(text);
+        let hash = self.key(text);
         if self.within.is_empty() {
             match &mut self.exports {
                 Some(exports) => drop(exports.own.insert(hash)),

@@ -28,8 +28,14 @@ pub(super) struct Reader<'a> {
     pub(super) routines: HashMap<u64, Vec<Parameter>>,
     /// Those that are functions.
     pub(super) functions: HashSet<u64>,
-    /// Targets, tools and work objects of the routine that is being read, and what they are called outside it.
+    /// Targets, tools and work objects of the routine that is being read, and of its module alone, and what they are called outside it.
     pub(super) locals: HashMap<u64, u64>,
+    /// Whether several modules stand in the file.
+    pub(super) has_modules: bool,
+    /// The module that is being read, where there are several.
+    pub(super) module: String,
+    /// What it has for itself (`LOCAL`), as in `locals`.
+    pub(super) of_module: HashMap<u64, u64>,
     /// Targets that are declared without numbers.
     pub(super) unset: HashSet<u64>,
     /// Arrays of targets.
@@ -106,6 +112,9 @@ impl<'a> Reader<'a> {
             routines,
             functions,
             locals: HashMap::new(),
+            has_modules: has_modules(bytes),
+            module: String::new(),
+            of_module: HashMap::new(),
             unset: HashSet::new(),
             arrays: HashSet::new(),
             tables: HashSet::new(),
@@ -201,6 +210,13 @@ pub(super) struct Parameter {
     pub is_target: bool,
     /// Whether the routine may change what it gets.
     pub by_reference: bool,
+}
+
+/// Whether several modules stand in a text.
+fn has_modules(bytes: &[u8]) -> bool {
+    let mut c = Cursor::new(bytes, b'!');
+    let words = std::iter::from_fn(|| c.next_word());
+    words.filter(|(_, word)| word.eq_ignore_ascii_case(b"endmodule")).nth(1).is_some()
 }
 
 /// Bytes before a routine's bracket or a statement that are looked at.

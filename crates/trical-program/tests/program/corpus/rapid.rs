@@ -4,6 +4,12 @@ use super::{Case, case};
 
 pub(super) const RAPID: &[Case] = &[
     case(
+        "several modules in a file, each with data of its own",
+        "MODULE A\nLOCAL CONST robtarget p:=@0;\nLOCAL PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget q:=@2;\nPROC main()\nMoveL p,v1,fine,t;\nMoveL q,v1,fine,t;\nENDPROC\nENDMODULE\nMODULE B\nLOCAL CONST robtarget p:=@1;\nLOCAL PERS tooldata t:=[TRUE,[[0,0,8],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nPROC go()\nVAR robtarget p;\np:=Seen();\nMoveL p,v1,fine,t;\nENDPROC\nPROC over()\nMoveL p,v1,fine,t;\nMoveL q,v1,fine,t;\nENDPROC\nENDMODULE\n",
+        &[2, 11],
+        &[(4, "used with tool 't of module a' in 'wobj0' and with tool 't of module b'"), (15, "calculated")],
+    ),
+    case(
         "targets that nothing uses, and placeholders that are set before the arm goes there",
         "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget p:=@0;\nCONST robtarget pNull:=[[0,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\nPERS robtarget pUp:=[[0,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\nPERS robtarget pNow:=[[0,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\nPERS jointtarget j:=[[0,0,0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\nPROC main()\nMoveL p,v1,fine,tool0;\npUp:=Offs(p,0,0,100);\nMoveL pUp,v1,fine,tool0;\npNow:=CRobT();\nMoveL RelTool(pNow,0,0,-10),v1,fine,t;\nj:=CJointT();\nMoveAbsJ j,v1,fine,t;\nENDPROC\nENDMODULE\n",
         &[2],

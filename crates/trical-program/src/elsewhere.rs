@@ -51,6 +51,12 @@ pub trait Elsewhere {
         Vec::new()
     }
 
+    /// The file that gives other coordinates to data of this name (hashed) that a file has for all.
+    fn set_by(&self, name: u64) -> Option<String> {
+        let _ = name;
+        None
+    }
+
     /// Six numbers of data of this name (`XHOME`, `$ROBROOT`) that belong to all programs, by the names of the numbers.
     fn values(&self, name: &[u8], fields: &[&[u8]; 6]) -> Option<[f64; 6]> {
         let _ = (name, fields);

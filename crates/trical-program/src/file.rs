@@ -309,6 +309,8 @@ struct Callers {
     called_with: HashMap<u64, Setup>,
     /// What is set where they go to its GLOBAL points.
     goes: HashMap<u64, Vec<Setup>>,
+    /// The first that gives other coordinates to a GLOBAL point.
+    set_by: HashMap<u64, String>,
     /// The tools and frames that they give for these.
     frames: Frames,
 }
@@ -351,6 +353,7 @@ impl<'a> Beside<'a> {
             else {
                 continue;
             };
+            let sets = krl::sets(&bytes);
             // with the declarations beside it
             let files = together(&path);
             let data = files.iter().filter(|file| **file != path).filter_map(|file| read_small(file)).flatten();
@@ -363,6 +366,10 @@ impl<'a> Beside<'a> {
                 setup
             };
             let mut is_used = false;
+            for name in sets.into_iter().filter(|name| points.contains(name)) {
+                found.set_by.entry(name).or_insert_with(|| file.clone());
+                is_used = true;
+            }
             for (name, setup) in scan.called_with.iter().filter(|(name, _)| routines.contains(name)) {
                 let before = found.called_with.remove(name).unwrap_or_default();
                 found.called_with.insert(*name, at_calls(before, meant(setup)));
@@ -490,6 +497,10 @@ impl Elsewhere for Beside<'_> {
 
     fn goes_to(&self, name: u64) -> Vec<Setup> {
         if self.reads_callers.get() { Vec::new() } else { self.callers().goes.get(&name).cloned().unwrap_or_default() }
+    }
+
+    fn set_by(&self, name: u64) -> Option<String> {
+        (!self.reads_callers.get()).then(|| self.callers().set_by.get(&name).cloned()).flatten()
     }
 
     fn tool(&self, name: &str) -> Option<Result<ToolFrame, String>> {

@@ -275,7 +275,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// What `WITH $TOOL=..., $BASE=...` at the end of this line sets, for the motion before it; the cursor stays.
+    /// What `WITH $TOOL=..., $BASE=...` or an inline form at the end of this line sets, for the motion before it; the cursor stays.
     fn with(&mut self) {
         let start = self.c;
         let line = self.c.until(b";\n\r");
@@ -291,6 +291,8 @@ impl<'a> Reader<'a> {
                     self.c.at += usize::from(word.is_empty());
                 }
             }
+        } else if mentions(line, b"VEL") {
+            self.inline_form(line);
         }
         self.c = start;
     }

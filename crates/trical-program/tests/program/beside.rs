@@ -51,6 +51,13 @@ fn global_points_have_the_tool_and_base_with_which_files_beside_go_there() {
     assert_eq!(names(&report.read_with), ["$config.dat", "a.src"], "{report:?}");
     // to the last point nothing in the file goes that is read; the tool and base of the others are taken
     assert_eq!((report.problems.len(), &report.setups), (0, &vec![("tool '2' in '1'".to_owned(), 3)]), "{report:?}");
+    let sets = "DEF C( )\nXG2.X=SEEN()\nIF XG1.X==3 THEN\nENDIF\nEND\n";
+    let files = [("points.dat", points.as_str()), ("a.src", main), ("c.src", sets), ("$config.dat", config)];
+    let problems = told(&checked("global_points_set", KR6, &files)).2;
+    assert!(
+        problems.len() == 1 && problems[0].contains("line 3: 'XG2' gets other coordinates in c.src"),
+        "{problems:?}"
+    );
     let other = "DEF B( )\nBAS(#TOOL,0)\nBAS(#BASE,1)\nPTP XG1\nEND\n";
     let files = [("points.dat", points.as_str()), ("a.src", main), ("b.src", other), ("$config.dat", config)];
     let report = checked("global_points_twice", KR6, &files);

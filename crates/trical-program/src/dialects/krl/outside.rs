@@ -85,7 +85,7 @@ pub fn displaces(bytes: &[u8]) -> bool {
 }
 
 impl Reader<'_> {
-    /// Motions of other files to the points that this one has for all.
+    /// Motions of other files to the points that this one has for all, and points to which other files give other coordinates.
     pub(super) fn used_elsewhere(&mut self, bytes: &[u8]) {
         let mut points: Vec<u64> = global_frames(bytes).into_iter().filter(|name| self.names.defines(*name)).collect();
         points.sort_unstable();
@@ -94,6 +94,18 @@ impl Reader<'_> {
                 let setup = self.scan.setup(setup);
                 self.names.fork(Fork::Anywhere);
                 self.names.used(name, setup, Way::To, 0);
+            }
+            // what a routine sets that this program calls is listed where it is called
+            let Some(file) = self.elsewhere.set_by(name).filter(|_| self.names.set_at(name).is_none()) else {
+                continue;
+            };
+            if let Some(point) = self.scan.spots.iter().map(|s| s.name).find(|point| hashed(point.text(bytes)) == name)
+            {
+                let what = format!(
+                    "'{}' gets other coordinates in {file} while the program runs; motions there are corrected for where it is declared",
+                    String::from_utf8_lossy(point.text(bytes))
+                );
+                self.scan.problem(point.at as usize, what);
             }
         }
     }

@@ -7,7 +7,7 @@ use super::data::Aggregate;
 use super::{Reader, target_of};
 use crate::frames::{AT, Frames, Named, TIMES, ToolFrame, named};
 use crate::scan::{Setup, changed_here, hashed};
-use crate::text::{is_one_of, lower, mentions};
+use crate::text::{Cursor, is_one_of, lower, mentions};
 
 /// How the name begins of a tool that stands still.
 const FIXED: &str = "#tcp : ";
@@ -146,6 +146,20 @@ impl Reader<'_> {
                     self.set(false, base);
                 }
                 _ => {}
+            }
+        }
+    }
+
+    /// Tool and base of an inline form whose text stands without its statements: `LIN P2 Vel=0.3 m/s CPDAT1 Tool[2]:torch Base[1]`.
+    pub(super) fn inline_form(&mut self, line: &[u8]) {
+        let mut c = Cursor::new(line, b';');
+        while let Some((_, word)) = c.next_word() {
+            let is_tool = word.eq_ignore_ascii_case(b"TOOL");
+            if (is_tool || word.eq_ignore_ascii_case(b"BASE")) && c.eat(b'[') {
+                let number = lower(c.until(b"]").trim_ascii());
+                if is_number(&number) {
+                    self.set(is_tool, number);
+                }
             }
         }
     }
@@ -334,7 +348,7 @@ impl Reader<'_> {
     /// Whether the program assigns something to this name (of an element: with its index), and not to a part of it, in one place only.
     fn assigned_once(&self, name: &str) -> bool {
         let stem = name.split('[').next().unwrap_or(name).as_bytes();
-        let mut c = crate::text::Cursor::new(self.c.bytes, b';');
+        let mut c = Cursor::new(self.c.bytes, b';');
         let mut times = 0;
         while let Some((from, word)) = c.next_word() {
             if !word.eq_ignore_ascii_case(stem) {

@@ -3,6 +3,12 @@
 use super::{Case, case};
 
 pub(super) const KRL: &[Case] = &[
+    case(
+        "inline forms whose statements were left out",
+        "TOOL_DATA[2]={X 18,Y -12,Z 118,A 0,B 0,C 0}\nBAS(#TOOL,0)\nBAS(#BASE,0)\nDECL E6POS P1={@0}\nDECL E6POS P2={@1}\nLIN P1 Vel=0.3 m/s CPDAT1 Tool[2]:torch Base[0]\nLIN P2\nPTP P1 CONT Vel= 80 % PDAT1 Tool[7] Base[0]\n",
+        &[5],
+        &[(4, "used with tool '2' in '0' and with tool '7'")],
+    ),
     case("back to the path", "LIN {@0}\nPTP $POS_RET\nLIN $POS_INT\nPTP $AXIS_BACK\nPTP $AXIS_FOR\n", &[1], &[]),
     case(
         "a base that is changed and was never set, or changed in part, or in a loop",

@@ -182,7 +182,7 @@ fn repeat_visits_show_a_hidden_lost_motion() {
     assert!(rp(&worn) > 2.0 * rp(&well), "{} {}", rp(&worn), rp(&well));
     // the same from the CSV, which has no files inside
     place.good(&["convert", "worn.mcap", "worn.csv"]);
-    refused(&place.run(&["repeatability", "worn.csv"]), 2, "expected --robot and --cell");
+    refused(&place.run(&["repeatability", "worn.csv"]), 2, "expected a robot and a cell");
     let csv = place.json(&in_cell("repeatability worn.csv --json"));
     assert_eq!(csv["recordings"][0]["by_ball"], worn["by_ball"]);
     // one visit each says nothing

@@ -28,7 +28,7 @@ impl JointSource {
             return Ok(row.state);
         }
         let q = row.state.q_commanded.ok_or_else(|| {
-            let problem = "has no commanded joints (qc1_deg ...), but --joints commanded was asked for";
+            let problem = "has no commanded joints (qc1_deg ...), which were asked for";
             IdentError::at_line(recording, row.line, problem)
         })?;
         Ok(State { q, ..row.state })

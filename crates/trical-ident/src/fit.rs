@@ -30,7 +30,7 @@ pub fn check_count(data: &Dataset, p: usize, known: &[Known]) -> Result<usize> {
     if scalars + known.iter().filter(|k| k.prior.is_some()).count() < p {
         return Err(IdentError::NotEnough(format!(
             "{} measurements give {scalars} numbers{}, but {p} parameters are to be identified: more measurements, or a \
-             smaller --model, are needed",
+             smaller set of them, are needed",
             data.observations.len(),
             rejected_in_words(&data.rejected).map_or_else(String::new, |r| format!(" ({r})")),
         )));

@@ -205,7 +205,7 @@ pub struct Choice {
 #[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
 pub enum ChoiceError {
     /// A joint that the arm does not have.
-    #[error("--compliant: joint {joint} does not exist; the arm has joints 1 to {dof}")]
+    #[error("joint {joint} does not exist; the arm has joints 1 to {dof}")]
     NoSuchJoint {
         /// From 1.
         joint: usize,
@@ -213,7 +213,7 @@ pub enum ChoiceError {
         dof: usize,
     },
     /// A set of parameters without compliance.
-    #[error("--compliant: found a model without compliance, expected compliance or complete")]
+    #[error("found a model without compliance, expected compliance or complete")]
     Rigid,
 }
 

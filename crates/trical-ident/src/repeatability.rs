@@ -165,7 +165,7 @@ fn visits(recording: &Recording, robot: Option<Robot>, cell: Option<Cell>) -> Re
         }
         (true, ..) => {
             return Err(IdentError::NotEnough(format!(
-                "{}: has touches; expected --robot and --cell, to compute positions from the joints",
+                "{}: has touches; expected a robot and a cell, to compute positions from the joints",
                 recording.name
             )));
         }
@@ -234,7 +234,7 @@ pub fn repeatability(
     let repeated: Vec<Vec<&Visit>> = places.into_iter().filter(|p| p.len() >= 2).collect();
     if repeated.is_empty() {
         return Err(IdentError::NotEnough(format!(
-            "{}: no place was visited twice within {} deg; trical measure --visits 5 makes repeat visits",
+            "{}: no place was visited twice within {} deg; expected poses that were visited several times",
             recording.name, same_deg
         )));
     }
@@ -440,7 +440,7 @@ mod tests {
         let apart = repeatability(&recording, None, None, None).unwrap_err().to_string();
         assert!(apart.contains("no place was visited twice within 0.1 deg"), "{apart}");
         let touch = of(vec![row(0.1, Measured::Touch { ball: 0, reading: [0.0; 3] })]).unwrap_err().to_string();
-        assert!(touch.contains("r.csv: has touches; expected --robot and --cell"), "{touch}");
+        assert!(touch.contains("r.csv: has touches; expected a robot and a cell"), "{touch}");
         let lengths = of(vec![row(0.1, Measured::Distance { anchor: 0, length: 1.0 })]).unwrap_err().to_string();
         assert!(lengths.contains("r.csv: has no touches and no measured points"), "{lengths}");
     }

@@ -17,7 +17,7 @@ use crate::error::ProgramError;
 use crate::flow::at_calls;
 use crate::frames::{AT, Frames, Named, TIMES, ToolFrame};
 use crate::modules::Modules;
-use crate::options::Options;
+use crate::options::{Options, Spelling};
 use crate::report::{Report, listed, summarized};
 use crate::rewriting::{Part, Program, compensate};
 use crate::scan::{Setup, hashed};
@@ -48,12 +48,9 @@ impl Job<'_> {
             Some(d) => Dialect::named(d).ok_or_else(|| {
                 ProgramError::Input(format!("the dialect '{d}' is not known; known are {}", Dialect::known()))
             }),
-            None => Dialect::of(self.program).ok_or_else(|| {
-                ProgramError::Input(format!(
-                    "{}: the extension does not say the program's dialect; known are {}; --dialect NAME says it",
-                    self.program.display(),
-                    Dialect::known()
-                ))
+            None => Dialect::of(self.program).ok_or_else(|| ProgramError::NoDialect {
+                file: self.program.display().to_string(),
+                known: Dialect::known(),
             }),
         }
     }
@@ -83,7 +80,7 @@ impl Job<'_> {
             frames.world = frames.world.or_else(|| beside.world());
         }
         read_with.extend(files.iter().filter(|f| *f != self.program).map(|f| f.display().to_string()));
-        let modules = Modules::beside(self.program, &frames);
+        let modules = Modules::beside(self.program, &frames, options.spelling);
         let names: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
         let (bytes, ends) = read_all(&files, &names)?;
         let outs = self.outputs(&files)?;
@@ -118,7 +115,7 @@ impl Job<'_> {
         if self.out.is_none() {
             return Ok(report);
         }
-        left(&self.program.display().to_string(), &report, self.partial)?;
+        left(&self.program.display().to_string(), &report, self.partial, options.spelling)?;
         for sink in &mut sinks {
             sink.end()?;
         }
@@ -528,22 +525,23 @@ fn beside(out: &Path, input: &Path) -> PathBuf {
     out.with_extension(input.extension().unwrap_or_default())
 }
 
-/// Refuses a result in which targets are left as they are, unless that is wanted; and one without any that was rewritten.
+/// Refuses a result in which targets are left as they are, unless that is wanted (`partial`); and one without any that was rewritten.
 ///
 /// # Errors
 /// [`ProgramError::Left`].
-pub fn left(name: &str, report: &Report, partial: bool) -> Result<(), ProgramError> {
+pub fn left(name: &str, report: &Report, partial: bool, spelling: Spelling) -> Result<(), ProgramError> {
     let n = report.problems.len();
     if n == 0 || (partial && report.rewritten > 0) {
         return Ok(());
     }
-    let list = summarized(&report.problems);
+    let list = summarized(&report.problems, spelling);
     let s = if n == 1 { "" } else { "s" };
     Err(ProgramError::Left(if partial {
         format!("{name}: none of its {n} target{s} can be rewritten, and nothing was written: {list}")
     } else {
         format!(
-            "{name}: {n} target{s} cannot be rewritten, and nothing was written (--partial writes the others): {list}"
+            "{name}: {n} target{s} cannot be rewritten, and nothing was written ({} writes the others): {list}",
+            spelling.of("partial")
         )
     }))
 }
@@ -564,7 +562,7 @@ fn read_program(path: &Path, name: &str, others: usize) -> Result<Vec<u8>, Progr
     Ok(bytes)
 }
 
-/// Reads tools and frames from a `--frames` file: TOML, or another program that declares them (`CalibData.mod`,
+/// Reads tools and frames from a file that gives them: TOML, or another program that declares them (`CalibData.mod`,
 /// `$config.dat`).
 ///
 /// # Errors

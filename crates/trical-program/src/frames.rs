@@ -1,4 +1,4 @@
-//! Tools and work objects: those that a program declares, those of a `--frames` file, and what is known without.
+//! Tools and work objects: those that a program declares, those of a file that gives them, and what is known without.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -160,7 +160,7 @@ impl FrameFile {
 }
 
 impl Frames {
-    /// Reads a `--frames` file: `[world]`, `[tools.NAME]`, `[frames.NAME]`, each with `xyz_mm` and `zyx_deg` or `quaternion`
+    /// Reads a file of tools and frames: `[world]`, `[tools.NAME]`, `[frames.NAME]`, each with `xyz_mm` and `zyx_deg` or `quaternion`
     /// (w, x, y, z); tools may have `mass_kg` and `cog_mm` (in the flange).
     ///
     /// # Errors

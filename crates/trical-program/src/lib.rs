@@ -29,7 +29,7 @@
 //! | [`flow`] | which of them routines, branches and loops leave |
 //! | [`reaching`] | which definitions of a name a motion may meet |
 //! | [`elsewhere`], [`modules`] | what other files of the program have |
-//! | [`frames`] | tools and work objects, `--frames` files |
+//! | [`frames`] | tools and work objects, and files that give them |
 //! | [`branch`] | configurations |
 //! | [`compensation`] | targets to targets |
 //! | [`rewriting`] | a program in memory, with a [`report`] |
@@ -59,6 +59,6 @@ pub use dialects::{Dialect, MARK};
 pub use error::ProgramError;
 pub use file::{Job, declared_frames, left, load_frames};
 pub use frames::{Frames, ToolFrame};
-pub use options::Options;
-pub use report::{Problem, Report, TargetRow, summarized};
+pub use options::{Options, Spelling};
+pub use report::{Problem, Report, TargetRow};
 pub use rewriting::{Program, compensate};

@@ -10,6 +10,7 @@ use crate::dialects::rapid::{self, Effects, Exports};
 use crate::dialects::{Dialect, MARK};
 use crate::elsewhere::{Elsewhere, Goes, Motion, Outside};
 use crate::frames::{Frames, ToolFrame};
+use crate::options::Spelling;
 use crate::report::listed;
 use crate::scan::hashed;
 use crate::text::contains;
@@ -23,6 +24,7 @@ pub struct Modules<'a> {
     program: PathBuf,
     /// Tools and work objects of files that the user names.
     given: &'a Frames,
+    spelling: Spelling,
     read: OnceCell<(Vec<Module>, Vec<String>)>,
     used: RefCell<BTreeSet<usize>>,
     motions: OnceCell<HashMap<u64, BTreeSet<(usize, usize)>>>,
@@ -41,9 +43,9 @@ struct Module {
 impl<'a> Modules<'a> {
     /// Beside a program, for which the user names files with these tools and work objects.
     #[must_use]
-    pub fn beside(program: &Path, given: &'a Frames) -> Self {
+    pub fn beside(program: &Path, given: &'a Frames, spelling: Spelling) -> Self {
         let program = program.to_owned();
-        Self { program, given, read: OnceCell::new(), used: RefCell::default(), motions: OnceCell::new() }
+        Self { program, given, spelling, read: OnceCell::new(), used: RefCell::default(), motions: OnceCell::new() }
     }
 
     /// Those of which something was used.
@@ -174,12 +176,12 @@ impl Elsewhere for Modules<'_> {
 
     fn tool(&self, name: &str) -> Option<Result<ToolFrame, String>> {
         let given = self.given.tools.get(name).cloned();
-        given.or_else(|| the_same(self.every(|m| m.frames.tools.get(name).cloned()), name))
+        given.or_else(|| the_same(self.every(|m| m.frames.tools.get(name).cloned()), name, self.spelling))
     }
 
     fn frame(&self, name: &str) -> Option<Result<Pose, String>> {
         let given = self.given.frames.get(name).cloned();
-        given.or_else(|| the_same(self.every(|m| m.frames.frames.get(name).cloned()), name))
+        given.or_else(|| the_same(self.every(|m| m.frames.frames.get(name).cloned()), name, self.spelling))
     }
 
     fn wanted(&self) -> Vec<u64> {
@@ -205,11 +207,16 @@ impl Elsewhere for Modules<'_> {
 }
 
 /// What several modules say alike.
-fn the_same<T: PartialEq>(mut all: Vec<Result<T, String>>, name: &str) -> Option<Result<T, String>> {
+fn the_same<T: PartialEq>(
+    mut all: Vec<Result<T, String>>,
+    name: &str,
+    spelling: Spelling,
+) -> Option<Result<T, String>> {
     let last = all.pop()?;
     if all.iter().any(|one| *one != last) {
         let what = format!(
-            "'{name}' has different numbers in the modules beside the program; --frames MODULE says which are right"
+            "'{name}' has different numbers in the modules beside the program; {} says which are right",
+            spelling.with("frames", "MODULE")
         );
         return Some(Err(what));
     }

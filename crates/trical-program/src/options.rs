@@ -2,6 +2,31 @@
 
 use trical_model::Support;
 
+/// What whoever asks calls a setting in messages, and the value that it takes (`NAME`, or nothing): an option of the command line, a keyword of
+/// Python. Settings are named as here and in [`crate::Job`]; by default messages have these names.
+#[derive(Clone, Copy, Debug)]
+pub struct Spelling(pub fn(setting: &str, value: &str) -> String);
+
+impl Default for Spelling {
+    fn default() -> Self {
+        Self(|setting, _| setting.to_owned())
+    }
+}
+
+impl Spelling {
+    /// A setting that is named alone.
+    #[must_use]
+    pub fn of(self, setting: &str) -> String {
+        (self.0)(setting, "")
+    }
+
+    /// A setting with a word for its value.
+    #[must_use]
+    pub fn with(self, setting: &str, value: &str) -> String {
+        (self.0)(setting, value)
+    }
+}
+
 /// What a program does not say.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
@@ -20,11 +45,13 @@ pub struct Options {
     /// Mass on the flange beyond the tool, kg.
     pub payload_kg: Option<f64>,
     /// Take the solution nearest to the target before, whatever configuration the text demands.
-    pub configuration_off: bool,
+    pub any_configuration: bool,
     /// Targets are meant in the arm's own base, wherever it stands: what was identified of the base is left out.
     pub own_base: bool,
     /// Keep a row for each target in the report.
     pub details: bool,
+    /// What messages call these.
+    pub spelling: Spelling,
     /// Joint angles at which the model was learnt; empty where nobody knows.
     pub visited: Support,
 }

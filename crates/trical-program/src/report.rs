@@ -11,7 +11,7 @@ use crate::branch::Configuration;
 use crate::compensation::Done;
 use crate::dialects::Dialect;
 use crate::frames::AT;
-use crate::options::Options;
+use crate::options::{Options, Spelling};
 use crate::scan::{Scan, Setup, Spot, Visit};
 use crate::text::Span;
 
@@ -36,7 +36,7 @@ impl std::fmt::Display for Problem {
 
 /// Problems in one line: the first few reasons, each with the first few targets that have it.
 #[must_use]
-pub fn summarized(problems: &[Problem]) -> String {
+pub fn summarized(problems: &[Problem], spelling: Spelling) -> String {
     let mut reasons: Vec<(&str, Vec<&Problem>)> = Vec::new();
     let mut left = 0;
     for p in problems {
@@ -59,7 +59,7 @@ pub fn summarized(problems: &[Problem]) -> String {
         })
         .collect();
     if left > 0 {
-        out.push(format!("{left} more of other kinds (--check lists all)"));
+        out.push(format!("{left} more of other kinds ({} lists all)", spelling.of("check")));
     }
     out.join("; ")
 }
@@ -327,7 +327,8 @@ impl<'a> Tally<'a> {
         let scan = self.scan;
         let all = listed(scan.loads.iter().map(|at| format!("line {}", self.line(*at).1)));
         (!all.is_empty()).then(|| {
-            format!("the program says what the arm carries ({all}), which is not read: the arm's sag is corrected for the tool alone (--payload-kg adds a load)")
+            let payload = self.options.spelling.of("payload_kg");
+            format!("the program says what the arm carries ({all}), which is not read: the arm's sag is corrected for the tool alone ({payload} adds a load)")
         })
     }
 
@@ -372,9 +373,11 @@ impl<'a> Tally<'a> {
         let first = Problem { file, line, name: String::new(), what: String::new() }.place();
         Some(format!(
             "nothing in the files read sets a tool or a base for {} of {} targets (the first in {first}): the cell's tool in the robot's base is taken \
-             (--tool and --frame say others)",
+             ({} and {} say others)",
             all.len(),
-            scan.spots.len()
+            scan.spots.len(),
+            self.options.spelling.of("tool"),
+            self.options.spelling.of("frame")
         ))
     }
 

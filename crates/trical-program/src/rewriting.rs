@@ -16,7 +16,7 @@ use crate::dialects::{Dialect, MARK, poses_csv};
 use crate::elsewhere::{Elsewhere, Nowhere};
 use crate::error::ProgramError;
 use crate::frames::{AT, Frames, ToolFrame, find};
-use crate::options::Options;
+use crate::options::{Options, Spelling};
 use crate::report::{Report, Tally};
 use crate::scan::{Scan, Setup, Spot, Visit};
 use crate::text::contains;
@@ -106,7 +106,7 @@ pub fn compensate(
     report.cautions.extend(others.into_iter().flatten());
     report.cautions.extend(called_elsewhere);
     report.cautions.extend(loads);
-    report.cautions.extend(if sags { weightless(&scan, &known, nominal) } else { None });
+    report.cautions.extend(if sags { weightless(&scan, &known, nominal, options.spelling) } else { None });
     report.cautions.extend(configuration_unsaid(&scan));
     report.cautions.extend(other_cell(nominal, model, options));
     report.cautions.extend(without_torques(model));
@@ -143,7 +143,8 @@ fn check_names(known: &Frames, options: &Options) -> Result<(), String> {
         if !known.tools.contains_key(&name.to_lowercase()) && !known.frames.contains_key(&name.to_lowercase()) {
             let all = known.tools.keys().chain(known.frames.keys()).cloned().collect::<Vec<_>>().join(", ");
             let all = if all.is_empty() { "neither declares any".into() } else { format!("known are {all}") };
-            return Err(format!("'{name}' is neither a tool nor a frame of the program or of --frames; {all}"));
+            let frames = options.spelling.of("frames");
+            return Err(format!("'{name}' is neither a tool nor a frame of the program or of {frames}; {all}"));
         }
     }
     Ok(())
@@ -275,14 +276,15 @@ fn by_gravity(term: &Term) -> bool {
 }
 
 /// Tools of which nobody says what they weigh, in one sentence.
-fn weightless(scan: &Scan, known: &Frames, nominal: &Model) -> Option<String> {
+fn weightless(scan: &Scan, known: &Frames, nominal: &Model, spelling: Spelling) -> Option<String> {
     let is_weightless = |name: &&String| {
         let tool = known.tools.get(name.as_str()).and_then(|t| t.as_ref().ok());
         tool.is_some_and(|t| t.mass < LIGHTEST && !t.is_of(&nominal.cell) && t.flange_from_tool != Pose::identity())
     };
     let names: BTreeSet<&String> = scan.setups.iter().filter_map(|s| s.tool.as_ref()).filter(is_weightless).collect();
-    // what the program gives without a name, a --frames file cannot name either: "set_tcp(0, 0, 100 mm) first at byte 7"
-    let says = if names.iter().all(|n| n.contains(AT)) { "" } else { "mass_kg in a --frames file, or " };
+    // what the program gives without a name, a file of frames cannot name either: "set_tcp(0, 0, 100 mm) first at byte 7"
+    let is_nameless = names.iter().all(|n| n.contains(AT));
+    let says = if is_nameless { String::new() } else { format!("mass_kg in a {} file, or ", spelling.of("frames")) };
     let told = |n: &String| {
         let name = n.split(AT).next().unwrap_or(n);
         format!("'{}'", name.strip_suffix(" first").unwrap_or(name))
@@ -294,7 +296,8 @@ fn weightless(scan: &Scan, known: &Frames, nominal: &Model) -> Option<String> {
     };
     let names = names.into_iter().map(told).collect::<Vec<_>>().join(", ");
     Some(format!(
-        "the arm sags under load, and nothing says what {tools} {names} weighs: it is taken as 0 kg ({says}--payload-kg says it)"
+        "the arm sags under load, and nothing says what {tools} {names} weighs: it is taken as 0 kg ({says}{} says it)",
+        spelling.of("payload_kg")
     ))
 }
 
@@ -328,11 +331,11 @@ fn as_it_began(model: &Model, options: &Options) -> Option<String> {
     let mut effects: Vec<&str> = model.terms.iter().filter(of_course).map(|t| t.effect.as_str()).collect();
     effects.dedup();
     let timed = model.terms.iter().filter(of_course).any(|t| t.basis.of == Variable::Time);
-    let (option, last) = if timed { ("--time-s", "1e9") } else { ("--seq", "1e9") };
+    let last = options.spelling.with(if timed { "time_s" } else { "seq" }, "1e9");
     (!effects.is_empty() && options.time_s.or(options.seq).is_none()).then(|| {
         format!(
             "what happened in the course of a recording ({}) is left out: the program is corrected for the arm as it was when that began. \
-             If the arm has stayed as it was at the end (a lost zero, a tool that slipped, a machine that is warm), {option} {last} corrects for that",
+             If the arm has stayed as it was at the end (a lost zero, a tool that slipped, a machine that is warm), {last} corrects for that",
             effects.join(", ")
         )
     })

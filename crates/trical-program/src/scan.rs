@@ -66,7 +66,13 @@ impl Setup {
     /// Whether its tool stands for one of which nobody knows which it is.
     #[must_use]
     pub fn is_unsaid(&self) -> bool {
-        self.tool.as_ref().is_some_and(|t| t.starts_with('('))
+        self.tool.as_deref().is_some_and(Self::says_no_tool)
+    }
+
+    /// Whether this name of a tool stands for one of which nobody knows which it is.
+    #[must_use]
+    pub fn says_no_tool(name: &str) -> bool {
+        name.starts_with('(')
     }
 
     /// For messages.

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use trical_ident::Expected;
 use trical_model::{Model, State};
-use trical_program::{Job, Options, ProgramError};
+use trical_program::{Job, Options, ProgramError, Spelling};
 use trical_recording::output;
 
 use crate::arguments::keywords;
@@ -15,24 +15,21 @@ use crate::long::long;
 use crate::machine::{Machine, read};
 use crate::model::PyModel;
 
+/// A setting of the libraries by its name in Python.
+fn as_keyword(setting: &str, _: &str) -> String {
+    match setting {
+        "partial" | "any_configuration" | "own_base" => format!("{setting}=True"),
+        "check" => "without out, problems".into(),
+        _ => setting.into(),
+    }
+}
+
 impl From<ProgramError> for Failed {
-    /// Options of the command line by their names in Python.
     fn from(e: ProgramError) -> Self {
-        let mut text = e.to_string();
-        for (option, keyword) in [
-            ("--temp-c", "temp_c"),
-            ("--time-s", "time_s"),
-            ("--seq", "seq"),
-            ("--check lists all", "without out, problems lists all"),
-            ("--partial", "partial=True"),
-            ("--frames FILE", "frames"),
-            ("--frames", "frames"),
-            ("--any-configuration", "any_configuration=True"),
-            ("--dialect NAME", "dialect"),
-        ] {
-            text = text.replace(option, keyword);
+        match e {
+            ProgramError::NoDialect { .. } => bad(format!("{e}; dialect says it")).into(),
+            _ => bad(e.to_string()).into(),
         }
-        bad(text).into()
     }
 }
 
@@ -94,9 +91,10 @@ pub fn _compensate(
         time_s: given.time_s,
         seq: given.seq,
         payload_kg,
-        configuration_off: given.any_configuration,
+        any_configuration: given.any_configuration,
         own_base: given.own_base,
         details: given.out.is_none(),
+        spelling: Spelling(as_keyword),
         visited: file.visited(),
     };
     let job = Job {

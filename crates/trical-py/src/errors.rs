@@ -71,13 +71,18 @@ macro_rules! raised {
 
 raised! {
     ModelError => TricalError,
-    ChoiceError => TricalError,
     ScriptError => TricalError,
     SetUpError => TricalError,
     CellError => DeviceError,
     PlanError => PlanningError,
     IkError => UnreachableError,
     serde_json::Error => PyRuntimeError,
+}
+
+impl From<ChoiceError> for Failed {
+    fn from(e: ChoiceError) -> Self {
+        Self(TricalError::new_err(format!("compliant: {e}")))
+    }
 }
 
 impl From<IdentError> for Failed {

@@ -97,8 +97,7 @@ pub fn _identify<'py>(
     }
     let found = long(py, progress, |task| -> Result<Calibration> {
         let (robot, cell) = read(&machine)?;
-        let choice = Choice::new(set, &compliant, robot.dof())
-            .map_err(|e| bad(e.to_string().replace("--compliant", "compliant")))?
+        let choice = Choice::new(set, &compliant, robot.dof())?
             .knowing(known.as_deref().map(KnownParameters::load).transpose()?.unwrap_or_default());
         let options = Options { choice, joints, folds, hold_out_last, keep_outliers, tool };
         task.step(0.0, "reading")?;

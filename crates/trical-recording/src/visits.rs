@@ -59,8 +59,7 @@ impl Visits {
         };
         let first = String::from_utf8_lossy(first);
         if first.trim_end() != header {
-            let problem =
-                format!("header: found {:?}, expected {header:?}: another file, or another --out", first.trim_end());
+            let problem = format!("header: found {:?}, expected {header:?}: this is another file", first.trim_end());
             return Err(RecordError::File { file: path.display().to_string(), problem });
         }
         let rows: Vec<&[u8]> = text.split(|b| *b == b'\n').skip(1).filter(|l| !l.trim_ascii().is_empty()).collect();

@@ -359,7 +359,7 @@ fn visits_go_on_with_their_numbers_where_the_file_ended() {
     assert_eq!(open(&path, Some(6)).unwrap().rows.len(), 4);
     drop(visits);
     std::fs::write(&path, "seq,q1_deg\n").unwrap();
-    assert!(Visits::open(&path, &robot).unwrap_err().to_string().contains("another file, or another --out"));
+    assert!(Visits::open(&path, &robot).unwrap_err().to_string().contains("this is another file"));
 }
 
 #[test]

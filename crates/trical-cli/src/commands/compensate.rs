@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use trical_ident::{Expected, ModelFile};
 use trical_model::{Model, State};
-use trical_program::{Dialect, Job, Options, ProgramError, Report, declared_frames, left};
+use trical_program::{Dialect, Job, Options, ProgramError, Report, Spelling, declared_frames, left};
 use trical_report::table;
 
 use crate::error::{CliError, Result};
@@ -69,9 +69,18 @@ pub struct Args {
     json: bool,
 }
 
+/// A setting of the libraries by its name here.
+fn as_option(setting: &str, value: &str) -> String {
+    let option = format!("--{}", setting.replace('_', "-"));
+    if value.is_empty() { option } else { format!("{option} {value}") }
+}
+
 fn failed(out: Option<&PathBuf>) -> impl Fn(ProgramError) -> CliError + '_ {
     move |e| match (e, out) {
         (ProgramError::Input(text), _) => CliError::Input(text),
+        (e @ ProgramError::NoDialect { .. }, _) => {
+            CliError::Input(format!("{e}; {} says it", as_option("dialect", "NAME")))
+        }
         (ProgramError::Left(text), _) => CliError::Failed(text),
         (e, Some(out)) => CliError::Failed(format!("{}: {e}", out.display())),
         (e, None) => CliError::Failed(e.to_string()),
@@ -131,9 +140,10 @@ pub fn run(args: &Args) -> Result<()> {
         time_s: args.time_s,
         seq: args.seq,
         payload_kg: args.payload_kg,
-        configuration_off: args.any_configuration,
+        any_configuration: args.any_configuration,
         own_base: args.own_base,
         details: args.check,
+        spelling: Spelling(as_option),
         visited: file.visited(),
     };
     let nominal = Model::nominal(robot, cell);
@@ -143,7 +153,7 @@ pub fn run(args: &Args) -> Result<()> {
         report.expect(|q| expected.deviation(&State { temp_c, payload_kg, ..State::at(q) }));
     }
     tell(args, &job, &report)?;
-    if args.check { left(&name, &report, args.partial).map_err(&failed) } else { Ok(()) }
+    if args.check { left(&name, &report, args.partial, options.spelling).map_err(&failed) } else { Ok(()) }
 }
 
 /// Rows of a table of targets, each with its error before and after.

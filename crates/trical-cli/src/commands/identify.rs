@@ -266,6 +266,6 @@ pub fn rejected_lines(named: &[Rejected], all: usize, most: usize) -> Vec<String
 
 impl From<trical_ident::ChoiceError> for CliError {
     fn from(e: trical_ident::ChoiceError) -> Self {
-        Self::Input(e.to_string())
+        Self::Input(format!("--compliant: {e}"))
     }
 }

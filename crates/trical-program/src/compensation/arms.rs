@@ -137,12 +137,16 @@ impl<'a> Compensator<'a> {
         let anything = Measured::Touch { ball: 0, reading: [0.0; 3] };
         for term in &model.terms {
             if let Some(needs) = term.basis.missing(&state, &anything) {
-                let how = match term.basis.of {
-                    Variable::Temperature { .. } => "--temp-c says at what temperature the program runs",
-                    Variable::Seq => "--seq says after how many poses of the recording the program runs",
-                    _ => "--time-s says when the program runs, in seconds since the recording began",
+                let (setting, what) = match term.basis.of {
+                    Variable::Temperature { .. } => ("temp_c", "at what temperature the program runs"),
+                    Variable::Seq => ("seq", "after how many poses of the recording the program runs"),
+                    _ => ("time_s", "when the program runs, in seconds since the recording began"),
                 };
-                return Err(ProgramError::Input(format!("the model's term '{}' needs {needs}: {how}", term.name)));
+                let setting = self.options.spelling.of(setting);
+                let name = &term.name;
+                return Err(ProgramError::Input(format!(
+                    "the model's term '{name}' needs {needs}: {setting} says {what}"
+                )));
             }
         }
         Ok(())
@@ -297,13 +301,18 @@ fn with_tool(model: &Model, tool: Option<&ToolFrame>) -> Model {
     out
 }
 
+fn undeclared(what: &str, name: &str, options: &Options) -> String {
+    let frames = options.spelling.with("frames", "FILE");
+    format!("the {what} '{name}' is not declared in the program ({frames} gives tools and frames)")
+}
+
 /// `None` is the cell's tool.
 fn known_tool(setup: &Setup, frames: &Frames, options: &Options) -> Result<Option<ToolFrame>, String> {
     let Some(name) = setup.tool.as_deref().or(options.tool.as_deref()) else { return Ok(None) };
     match frames.tools.get(&name.to_lowercase()) {
         Some(Ok(tool)) => Ok(Some(*tool)),
         Some(Err(e)) => Err(e.clone()),
-        None => Err(format!("the tool '{name}' is not declared in the program (--frames FILE gives tools and frames)")),
+        None => Err(undeclared("tool", name, options)),
     }
 }
 
@@ -312,8 +321,6 @@ fn known_frame(setup: &Setup, frames: &Frames, options: &Options) -> Result<Pose
     match frames.frames.get(&name.to_lowercase()) {
         Some(Ok(frame)) => Ok(*frame),
         Some(Err(e)) => Err(e.clone()),
-        None => {
-            Err(format!("the frame '{name}' is not declared in the program (--frames FILE gives tools and frames)"))
-        }
+        None => Err(undeclared("frame", name, options)),
     }
 }

@@ -58,10 +58,13 @@ impl Compensator<'_> {
         let before = apart(&arm.model.world_from_tool(&state, model_ws), &wanted);
         if before.0 > MOST_WAY || before.1 > MOST_TURN {
             return Err(format!(
-                "the model has the tool {:.1} mm and {:.1} deg off: that is too much for a correction. If the cell's base was only guessed, --own-base \
-                 leaves it out; if the tool was guessed, name the program's own (--tool NAME, --frames FILE)",
+                "the model has the tool {:.1} mm and {:.1} deg off: that is too much for a correction. If the cell's base was only guessed, {} \
+                 leaves it out; if the tool was guessed, name the program's own ({}, {})",
                 before.0 * 1e3,
-                before.1.to_degrees()
+                before.1.to_degrees(),
+                self.options.spelling.of("own_base"),
+                self.options.spelling.with("tool", "NAME"),
+                self.options.spelling.with("frames", "FILE")
             ));
         }
         let joints = self.continued(&arm.model, &wanted, &state, model_ws).map_err(|e| match e {
@@ -146,7 +149,7 @@ impl Compensator<'_> {
             edits.push((*span, text));
         }
         let is_met = self.branches.mismatch(&spot.configuration, &start.q).is_some();
-        if is_met && !self.scan.configuration_off && !self.options.configuration_off {
+        if is_met && !self.scan.configuration_off && !self.options.any_configuration {
             let new = self.branches.rewritten(&spot.configuration, &start.q, joints);
             let behind = spans.get(count..).unwrap_or(&[]);
             edits.extend(

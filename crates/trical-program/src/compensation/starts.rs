@@ -336,7 +336,7 @@ impl Compensator<'_> {
         ws: &mut Workspace,
     ) -> Result<Joints, String> {
         let nominal = &self.arms[arm].nominal;
-        let off = self.scan.configuration_off || self.options.configuration_off;
+        let off = self.scan.configuration_off || self.options.any_configuration;
         let demanded = if off { Configuration::Free } else { demanded };
         let seed = State::at(last);
         let is_next = |q: &Joints| {
@@ -363,12 +363,13 @@ impl Compensator<'_> {
             all.iter().filter_map(|s| Some((self.branches.mismatch(&demanded, &s.joints)?, s))).min_by_key(|x| x.0);
         best.map(|(_, s)| s.joints).ok_or_else(|| {
             format!(
-                "{UNFIT} ({}); --any-configuration takes the solution nearest to the previous target",
+                "{UNFIT} ({}); {} takes the solution nearest to the previous target",
                 match demanded {
                     Configuration::Abb([a, b, c, d]) => format!("[{a},{b},{c},{d}]"),
                     Configuration::Kuka { t: Some(t), .. } => format!("T {t}"),
                     _ => "CONFIG".into(),
-                }
+                },
+                self.options.spelling.of("any_configuration")
             )
         })
     }

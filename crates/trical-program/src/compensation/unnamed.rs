@@ -8,6 +8,11 @@ use crate::scan::{Scan, Setup};
 /// use. Where there are several, and the user says none either, nobody knows. Where only the tool is not known, it is the
 /// one that the user says.
 pub fn settle_unnamed(scan: &mut Scan, known: &mut Frames, options: &Options) {
+    for (name, tool) in &mut known.tools {
+        if let (Err(why), true) = (tool, Setup::says_no_tool(name)) {
+            *why += &format!("; {} says it", options.spelling.with("tool", "NAME"));
+        }
+    }
     let asked = options.tool.is_some() || options.frame.is_some();
     let unsaid: Vec<bool> = scan.setups.iter().map(Setup::is_unsaid).collect();
     let mut said = (0..).zip(&unsaid).filter(|(_, unsaid)| !**unsaid).map(|(k, _)| k);
@@ -30,8 +35,9 @@ pub fn settle_unnamed(scan: &mut Scan, known: &mut Frames, options: &Options) {
             // a setup that nobody knows says so for each of its targets
             let name = "(unused)".to_owned();
             let setup = unknown.get_or_insert_with(|| Setup { tool: Some(name.clone()), frame: None }).clone();
-            let why = "no motion in the file names it, and the file uses several tools or frames; --tool and --frame say which";
-            known.tools.insert(name, Err(why.into()));
+            let [tool, frame] = ["tool", "frame"].map(|setting| options.spelling.of(setting));
+            let why = format!("no motion in the file names it, and the file uses several tools or frames; {tool} and {frame} say which");
+            known.tools.insert(name, Err(why));
             Some(scan.setup(setup))
         });
     }

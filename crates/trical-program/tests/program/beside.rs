@@ -23,7 +23,7 @@ fn checked(folder: &str, robot: &str, files: &[(&str, &str)]) -> Report {
     let options = Options {
         temp_c: Some(32.0),
         details: true,
-        configuration_off: true,
+        any_configuration: true,
         model_name: "m.toml".into(),
         ..Options::default()
     };
@@ -75,7 +75,7 @@ fn tools_of_frames_files_are_known_among_the_arguments_of_instructions_that_nobo
     std::fs::write(&frames, "[tools.tGun]\nxyz_mm=[0,0,80]\n[frames.wPart]\nxyz_mm=[5,0,0]\n").unwrap();
     let job = Job { program: &program, out: None, dialect: None, frames: &[frames], partial: false };
     let nominal = nominal(IRB);
-    let options = Options { temp_c: Some(32.0), configuration_off: true, ..Options::default() };
+    let options = Options { temp_c: Some(32.0), any_configuration: true, ..Options::default() };
     let report = job.run(&nominal, &real(&nominal), &options).unwrap();
     assert!(report.problems.is_empty(), "{report:?}");
     assert!(report.setups.contains(&("tool 'tgun' in 'wpart'".to_owned(), 1)), "{report:?}");

@@ -257,7 +257,7 @@ const TARGET: &str = "[[350,50,320],[0,0.6,0.8,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9
 fn problems(body: &str) -> Vec<String> {
     let n = nominal(IRB);
     let mut out = Vec::new();
-    let options = Options { configuration_off: true, ..options() };
+    let options = Options { any_configuration: true, ..options() };
     let text = body.replace("TARGET", TARGET);
     let report = compensate(
         Program::of_file(text.as_bytes(), "p", Dialect::Rapid, &mut out),
@@ -280,8 +280,8 @@ fn what_cannot_be_right_is_listed_with_line_and_name() {
         }
     };
     let declare = "\nCONST robtarget p:=TARGET;\n";
-    one(&format!("{declare}MoveL p,v1,fine,tOther;"), &["line 2 (p)", "'tother'", "--frames"]);
-    one(&format!("{declare}MoveL p,v1,fine,tool0\\WObj:=w;"), &["'w'", "--frames"]);
+    one(&format!("{declare}MoveL p,v1,fine,tOther;"), &["line 2 (p)", "'tother'", "(frames gives"]);
+    one(&format!("{declare}MoveL p,v1,fine,tool0\\WObj:=w;"), &["'w'", "(frames gives"]);
     one(
         &format!(
             "{declare}MoveL p,v1,fine,tool0;PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];MoveL p,v1,fine,t;"
@@ -332,7 +332,10 @@ fn what_is_too_far_off_for_a_correction_is_told_so_and_not_called_singular() {
         (Motion::Along(Axis::X), 0.06, "60.0 mm and 0.0 deg off"),
     ] {
         let problem = &with(motion, value).problems[0].what;
-        assert!(problem.contains(words) && problem.contains("--own-base") && problem.contains("--tool"), "{problem}");
+        assert!(
+            problem.contains(words) && problem.contains("own_base leaves") && problem.contains("(tool, frames)"),
+            "{problem}"
+        );
     }
     // much, but a correction: joints turn by more than 3 deg for it
     let report = with(Motion::Along(Axis::X), 0.03);
@@ -500,7 +503,10 @@ fn targets_that_no_motion_names_need_a_tool_where_there_are_several() {
     // c is used by nothing
     assert!(problems(&several).is_empty());
     let found = problems(&format!("{several}pNext:=c;\n"));
-    assert!(found.len() == 1 && found[0].contains("line 4 (c)") && found[0].contains("--tool"), "{found:?}");
+    assert!(
+        found.len() == 1 && found[0].contains("line 4 (c)") && found[0].contains("tool and frame say which"),
+        "{found:?}"
+    );
 }
 
 #[test]
@@ -592,7 +598,7 @@ fn the_tool_of_an_instruction_that_nobody_has_read_can_be_said() {
         CONST robtarget b:=TARGET;\nMoveL a,v1,fine,tool0;\nGlueL a,v1;\nGlueL b,v1\\WObj:=wobj0;\n";
     let text = text.replace("TARGET", "[[350,50,320],[0,0.6,0.8,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]");
     let with = |tool: Option<&str>| {
-        let options = Options { tool: tool.map(Into::into), configuration_off: true, ..Options::default() };
+        let options = Options { tool: tool.map(Into::into), any_configuration: true, ..Options::default() };
         let run = compensate(
             Program::of_file(text.as_bytes(), "p", Dialect::Rapid, &mut Vec::new()),
             &n,
@@ -622,7 +628,7 @@ fn a_model_that_needs_a_temperature_asks_for_it() {
         &Frames::default(),
         &options,
     );
-    assert!(e.unwrap_err().to_string().contains("--temp-c"));
+    assert!(e.unwrap_err().to_string().contains("temp_c says"));
 }
 
 #[test]
@@ -643,7 +649,7 @@ fn a_program_runs_long_after_the_recording_unless_it_is_said_when() {
     let [cold, half, warm] = [0.0, 69.3, 1e6].map(|seq| moved(warm_up, 2e-4, Some(seq)).unwrap());
     assert!(cold < 1e-9 && warm > 5e-5 && (half / warm - 0.5).abs() < 0.01, "{cold} {half} {warm}");
     assert!((moved(warm_up, 2e-4, None).unwrap() - warm).abs() < 1e-9);
-    assert!(moved(Shape::Linear, 2e-7, None).unwrap_err().contains("--seq"));
+    assert!(moved(Shape::Linear, 2e-7, None).unwrap_err().contains("seq says"));
     assert!(moved(Shape::Linear, 2e-7, Some(1000.0)).is_ok());
 }
 
@@ -714,7 +720,7 @@ fn loads_that_nobody_has_read_are_named_where_the_arm_sags() {
         said.len() == 2
             && said[0].contains("(line 2)")
             && said[1].contains("what tool 'set_tcp(0.000, 0.000, 100.000 mm)' weighs")
-            && said[1].contains("(--payload-kg says it)"),
+            && said[1].contains("(payload_kg says it)"),
         "{said:?}"
     );
     let krl = "$TOOL={X 0,Y 0,Z 80,A 0,B 0,C 0}\n$LOAD.M=3\nPTP {A1 10,A2 12,A3 -8,A4 20,A5 40,A6 -30}\n";

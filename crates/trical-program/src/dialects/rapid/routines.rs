@@ -332,7 +332,7 @@ impl Reader<'_> {
         let tool = tool.unwrap_or_else(|| {
             let unsaid = format!("(that of {routine})");
             let why = format!(
-                "is given to '{routine}', which is in none of the files read: with which tool it goes there is not known; --tool NAME says it"
+                "is given to '{routine}', which is in none of the files read: with which tool it goes there is not known"
             );
             self.scan.frames.tools.entry(unsaid.clone()).or_insert(Err(why));
             unsaid

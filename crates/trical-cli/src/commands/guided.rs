@@ -1,8 +1,8 @@
 //! `trical measure --guided`: mastering, tool point, world frame, plan and measurement, in plain words. What is done is kept beside the
-//! recording (`kept.rs`), so that `--resume` goes on with the step that was next.
+//! recording (`checkpoint.rs`), so that `--resume` goes on with the step that was next.
 
 mod ask;
-mod kept;
+mod checkpoint;
 mod touches;
 
 use std::collections::BTreeMap;
@@ -31,7 +31,7 @@ use crate::interrupt::Interrupt;
 use crate::measure_view::{View, done, perform};
 use crate::say;
 use ask::{Answer, Person, tell};
-use kept::{Kept, beside};
+use checkpoint::{Checkpoint, beside};
 
 /// Orientations in which the first ball is touched for the tool point.
 const ORIENTATIONS: usize = 4;
@@ -113,7 +113,7 @@ struct Led<'a> {
     about: Guided<'a>,
     /// The cell as it was found so far.
     cell: Cell,
-    kept: Kept,
+    checkpoint: Checkpoint,
     person: Person,
     /// Touches for tool point and world frame by their number.
     rows: BTreeMap<u64, Row>,
@@ -146,8 +146,9 @@ impl<'a> Guided<'a> {
              0,10,20,0,45,0) to have the arm driven there slowly and straight: check that the way is free. Keep a hand \
              on the emergency stop. Every step is saved: --resume continues where you stopped.",
         )?;
-        if led.kept.step > 0 {
-            let zero = led.kept.zero.map_or("none".to_owned(), |zero| format!("the calibrator read {}", shown(&zero)));
+        if led.checkpoint.step > 0 {
+            let zero =
+                led.checkpoint.zero.map_or("none".to_owned(), |zero| format!("the calibrator read {}", shown(&zero)));
             tell(&format!("The session goes on where it stopped. Mastering: {zero}."))?;
         }
         let ended = led.steps();
@@ -173,13 +174,13 @@ impl<'a> Guided<'a> {
             let what = format!("the cell has {balls} balls, expected three or more for the world frame");
             return Err(CliError::Input(what));
         }
-        let kept = Kept::load(self.out)?;
+        let checkpoint = Checkpoint::load(self.out)?;
         let person = Person::listen(self.interrupt)?;
         let cell = self.cell.clone();
-        let mut led = Led { about: self, cell, kept, person, rows: BTreeMap::new(), log: None, plan: None };
+        let mut led = Led { about: self, cell, checkpoint, person, rows: BTreeMap::new(), log: None, plan: None };
         led.check_begun()?;
         led.read_cell()?;
-        if led.kept.step > Step::PLAN {
+        if led.checkpoint.step > Step::PLAN {
             let path = led.about.plan.map_or_else(|| beside(led.about.out, "plan.csv"), Path::to_owned);
             led.plan = Some(led.all_visits(&plan::load(&path, led.about.robot, led.cell.balls.len())?));
         }
@@ -192,8 +193,8 @@ impl<'a> Guided<'a> {
         let about = &led.about;
         tell("With --go, you are led through these steps, each when you press Enter:")?;
         let parts = [0, 1, Step::FIRST_BALL, Step::PLAN, Step::PLAN + 1, usize::MAX];
-        for part in parts.windows(2).filter(|part| part[1] > led.kept.step) {
-            let at = part[0].max(led.kept.step);
+        for part in parts.windows(2).filter(|part| part[1] > led.checkpoint.step) {
+            let at = part[0].max(led.checkpoint.step);
             let text = match Step::at(at) {
                 Step::Master => {
                     "1. Mastering: the stems are read in the air and on the calibrator. Nothing moves.".to_owned()
@@ -253,7 +254,7 @@ impl Led<'_> {
             check_same(&path, &self.session(&self.about.cell, &[], &path, FREE).header())?;
             return Ok(());
         }
-        if self.kept.step > 1 { Err(missing(&path)) } else { Ok(()) }
+        if self.checkpoint.step > 1 { Err(missing(&path)) } else { Ok(()) }
     }
 
     /// The cell that was found before, if one was.
@@ -261,7 +262,7 @@ impl Led<'_> {
         let found = beside(self.about.out, "cell.toml");
         if found.exists() {
             (_, self.cell) = RobotAndCell { robot: self.about.files.robot.clone(), cell: found }.load()?;
-        } else if self.kept.step >= Step::PLAN {
+        } else if self.checkpoint.step >= Step::PLAN {
             return Err(missing(&found));
         }
         Ok(())
@@ -276,12 +277,12 @@ impl Led<'_> {
     /// One step after the other; where it stands is on disk before each.
     fn steps(&mut self) -> Result<()> {
         loop {
-            let at = self.kept.step;
+            let at = self.checkpoint.step;
             let next = match Step::at(at) {
                 Step::Master => {
-                    let before = self.kept.zero;
+                    let before = self.checkpoint.zero;
                     let next = self.master()?;
-                    if self.kept.zero != before {
+                    if self.checkpoint.zero != before {
                         self.forget_touches()?;
                     }
                     next
@@ -293,19 +294,21 @@ impl Led<'_> {
                 Step::Plan => self.make_plan()?,
                 Step::Measure => self.measure()?,
             };
-            self.kept.step = match next {
+            self.checkpoint.step = match next {
                 Next::On => at + 1,
                 Next::Back => at.saturating_sub(1),
                 Next::To(step) => step,
                 Next::End => return Ok(()),
             };
-            self.kept.save(self.about.out)?;
+            self.checkpoint.save(self.about.out)?;
         }
     }
 
     /// The gauge with its mastering.
     fn gauge(&self) -> String {
-        self.kept.zero.map_or_else(|| self.about.gauge.clone(), |zero| with_zero(&bare_url(&self.about.gauge), zero))
+        self.checkpoint
+            .zero
+            .map_or_else(|| self.about.gauge.clone(), |zero| with_zero(&bare_url(&self.about.gauge), zero))
     }
 
     fn session<'s>(
@@ -375,7 +378,7 @@ impl Led<'_> {
         tell("1. Mastering. The calibrator defines the tool point, where the indicators read zero.")?;
         let cancel = Arc::clone(&self.about.interrupt.asked);
         // shown and read without an earlier mastering
-        self.kept.zero = None;
+        self.checkpoint.zero = None;
         let bare = bare_url(&self.about.gauge);
         loop {
             match self.ask("Hold the device so that no stem touches anything. (s: no mastering, the indicators are set to zero already.)")? {
@@ -407,7 +410,7 @@ impl Led<'_> {
                 .and_then(|m| check_on_calibrator(&free, &m.zero).map(|()| m.zero))
             {
                 Ok(zero) => {
-                    self.kept.zero = Some(zero);
+                    self.checkpoint.zero = Some(zero);
                     tell(&format!("The calibrator reads {}; from now on that is zero.", shown(&zero)))?;
                     return Ok(Next::On);
                 }
@@ -421,7 +424,7 @@ impl Led<'_> {
         if beside(self.about.out, "setup.mcap").exists() {
             let log = self.open()?;
             // its times are whole nanoseconds
-            self.kept.since = log.last_t() + 1e-6;
+            self.checkpoint.since = log.last_t() + 1e-6;
             self.log = Some(log);
         }
         if !self.rows.is_empty() {

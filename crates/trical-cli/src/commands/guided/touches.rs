@@ -8,7 +8,7 @@ use trical_recording::RecordingWriter;
 use trical_report::table;
 
 use super::ask::{Answer, tell};
-use super::kept::beside;
+use super::checkpoint::beside;
 use super::{BALLS, FREE, Led, Next, ORIENTATIONS, Step};
 use crate::commands::gauge::shown;
 use crate::error::{CliError, Result};
@@ -40,7 +40,7 @@ impl Led<'_> {
         let path = beside(self.about.out, "setup.mcap");
         let header = self.session(&self.about.cell, &[], &path, FREE).header();
         let (log, before) = RecordingWriter::resume(&path, &header)?;
-        let since = self.kept.since;
+        let since = self.checkpoint.since;
         let rows = before.into_iter().flat_map(|before| before.recording.rows);
         for row in rows.filter(|row| row.state.t.is_none_or(|t| t >= since)) {
             // a touch that was repeated: the last one counts

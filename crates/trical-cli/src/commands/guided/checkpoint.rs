@@ -9,7 +9,7 @@ use crate::error::{CliError, Result};
 
 /// The next step, and the mastering.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Kept {
+pub struct Checkpoint {
     /// Steps that are done.
     pub step: usize,
     /// What the gauge shows on the calibrator, m; `None` where its readings are taken as they come.
@@ -24,7 +24,7 @@ pub fn beside(out: &Path, what: &str) -> PathBuf {
     out.with_file_name(format!("{stem}.{what}"))
 }
 
-impl Kept {
+impl Checkpoint {
     fn file(out: &Path) -> PathBuf {
         beside(out, "guided.json")
     }
@@ -73,12 +73,12 @@ mod tests {
     fn what_is_kept_comes_back_and_a_damaged_file_is_named() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("run.mcap");
-        assert_eq!(Kept::load(&out).unwrap(), Kept::default());
-        let kept = Kept { step: 6, zero: Some([0.5e-3, -0.25e-3, 0.0]), since: 12.5 };
-        kept.save(&out).unwrap();
-        assert_eq!(Kept::load(&out).unwrap(), kept);
-        std::fs::write(Kept::file(&out), r#"{"steps_done": 2, "zero_mm": [1, 2]}"#).unwrap();
-        let said = Kept::load(&out).unwrap_err().to_string();
+        assert_eq!(Checkpoint::load(&out).unwrap(), Checkpoint::default());
+        let checkpoint = Checkpoint { step: 6, zero: Some([0.5e-3, -0.25e-3, 0.0]), since: 12.5 };
+        checkpoint.save(&out).unwrap();
+        assert_eq!(Checkpoint::load(&out).unwrap(), checkpoint);
+        std::fs::write(Checkpoint::file(&out), r#"{"steps_done": 2, "zero_mm": [1, 2]}"#).unwrap();
+        let said = Checkpoint::load(&out).unwrap_err().to_string();
         assert!(said.contains("run.guided.json: zero_mm: found [1,2], expected three numbers"), "{said}");
     }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use indicatif::{ProgressBar, ProgressStyle};
-use trical_device::session::{SessionError, Told};
+use trical_device::session::{RunStatus, SessionError};
 use trical_device::{Progress, RunReport, Session};
 use trical_report::table;
 
@@ -14,7 +14,7 @@ use crate::error::{CliError, Result};
 /// The view: on standard error, and only on a terminal.
 pub struct View {
     bar: ProgressBar,
-    told: Told,
+    status: RunStatus,
 }
 
 impl View {
@@ -24,17 +24,17 @@ impl View {
         if let Ok(style) = ProgressStyle::with_template("  measuring [{bar:30}] {pos}/{len}\n  {msg}") {
             bar.set_style(style.progress_chars("=> "));
         }
-        Self { bar, told: Told::default() }
+        Self { bar, status: RunStatus::default() }
     }
 
     /// Shows what happens.
     pub fn show(&mut self, p: &Progress) {
         let now = Instant::now();
-        self.told.take(p, now);
-        let (done, total) = self.told.counts();
+        self.status.take(p, now);
+        let (done, total) = self.status.counts();
         self.bar.set_length(total as u64);
         self.bar.set_position(done as u64);
-        self.bar.set_message(self.told.lines(now).join("\n  "));
+        self.bar.set_message(self.status.lines(now).join("\n  "));
     }
 
     /// Takes the view away.

@@ -1,7 +1,7 @@
 //! A measuring session: a plan, gauge and controller by their URLs, a recording that can be taken up.
 
+mod run_status;
 mod settings;
-mod told;
 mod touch_here;
 
 use std::cell::RefCell;
@@ -16,8 +16,8 @@ use thiserror::Error;
 use trical_model::ik::continue_from;
 use trical_model::{Cell, Forward, Joints, Model, ModelError, Robot, State, urdf};
 
+pub use run_status::RunStatus;
 pub use settings::Settings;
-pub use told::Told;
 pub use touch_here::{BaseFit, SetUpError, base, tool_point, turned};
 
 use crate::controller::{Controller, ControllerError, StopCount, open_controller};

@@ -7,7 +7,7 @@ use std::time::Instant;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use trical_device::procedure::stride;
-use trical_device::session::{SessionError, Settings, Told, base, now_ns, tool_point};
+use trical_device::session::{RunStatus, SessionError, Settings, base, now_ns, tool_point};
 use trical_device::{PlanEntry, Progress, RunReport, Session, visits};
 use trical_model::error::read_text;
 use trical_model::{Cell, Joints, Measured, Recording, Robot, Row};
@@ -143,12 +143,12 @@ fn ended(e: SessionError) -> Failed {
 }
 
 /// Hears what happens, and tells it as a fraction and words.
-fn retell<'a>(told: &'a mut Told, tell: Tell<'a>) -> impl FnMut(Progress) + 'a {
+fn retell<'a>(status: &'a mut RunStatus, tell: Tell<'a>) -> impl FnMut(Progress) + 'a {
     move |p| {
-        told.take(&p, Instant::now());
-        let (done, total) = told.counts();
+        status.take(&p, Instant::now());
+        let (done, total) = status.counts();
         let fraction = done as f64 / total.max(1) as f64;
-        tell(fraction, if let Progress::Warning(w) = &p { format!("note: {w}") } else { told.touch() });
+        tell(fraction, if let Progress::Warning(w) = &p { format!("note: {w}") } else { status.touch() });
     }
 }
 
@@ -180,8 +180,8 @@ pub fn _measure(
         let guard = |from: &Joints, to: &Joints, touched| guard.check(from, to, touched);
         let any = devices.session(&machine, &settings, end);
         let session = Session { plan: &plan, stride: round, guard: &guard, ..any };
-        let mut told = Told::default();
-        let report = session.perform(&mut retell(&mut told, tell)).map_err(ended)?;
+        let mut status = RunStatus::default();
+        let report = session.perform(&mut retell(&mut status, tell)).map_err(ended)?;
         if let Some(step) = report.steps.iter().find(|step| step.contains("REFUSED")) {
             return Err(MeasuringError::new_err(format!("this plan would be refused: {step}")).into());
         }
@@ -211,8 +211,8 @@ pub fn _touch_here(
         let session = devices.session(&machine, &settings, end);
         let (mut log, before) = RecordingWriter::resume(out, &session.header())?;
         let index = before.iter().flat_map(|b| &b.recording.rows).filter_map(|r| r.seq).max().map_or(0, |s| s + 1);
-        let mut told = Told::default();
-        let row = session.touch_here(&mut log, ball, index, &mut retell(&mut told, tell));
+        let mut status = RunStatus::default();
+        let row = session.touch_here(&mut log, ball, index, &mut retell(&mut status, tell));
         let finished = log.finish();
         let row = row.map_err(ended)?;
         finished.map_err(|e| ended(SessionError::Finish(e)))?;

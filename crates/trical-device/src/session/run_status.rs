@@ -6,7 +6,7 @@ use crate::procedure::Progress;
 
 /// What a person is told while the arm measures.
 #[derive(Debug, Default)]
-pub struct Told {
+pub struct RunStatus {
     begin: Option<Instant>,
     /// Touches that were done when this run began.
     before: Option<usize>,
@@ -17,7 +17,7 @@ pub struct Told {
     warnings: Vec<String>,
 }
 
-impl Told {
+impl RunStatus {
     /// Takes what happens, at a time.
     pub fn take(&mut self, p: &Progress, now: Instant) {
         match p {
@@ -79,7 +79,7 @@ mod tests {
 
     #[test]
     fn ball_touch_residuals_time_left_and_warnings_are_shown() {
-        let mut state = Told::default();
+        let mut state = RunStatus::default();
         let begin = Instant::now();
         let later = |s| begin + Duration::from_secs(s);
         state.take(&Progress::Begin { index: 20, ball: 1, done: 20, total: 45 }, begin);

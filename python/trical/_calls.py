@@ -15,8 +15,8 @@ from ._given import path_of, whole, wholes
 from ._native import Cell, Model, Robot, Rows, TricalError
 from ._progress import Progress, listener
 from ._recording import Frame, PathLike, Recording
+from ._reports import Made
 from ._results import Diagnosis, Identified, NextTouches, Observability, Plan, Validation
-from ._told import Made
 
 if TYPE_CHECKING:
     import numpy as np
@@ -131,14 +131,14 @@ def identify(
     given = {**wholes(said, "folds", "hold_out_last"), "compliant": _joints(compliant)}
     listening = listener(progress, "identifying")
     answer = _native._identify(_sources(recordings), _machine(robot, cell), given, listening)
-    fitted, text, errors, covariance, told = answer
+    fitted, text, errors, covariance, outcome = answer
     s = json.loads(text)
     s["answer"] = dict(s)
     s["held_out"] = {how: errors for how, errors in s["held_out"].items() if errors is not None}
     s["not_identifiable"] = [(name, others) for name, *others in s["not_identifiable"]]
     s |= {"model": fitted, "covariance": covariance, "errors_mm": errors}
     return Identified(
-        **_fields(Identified, s), _made=Made.of(told, identify, recordings, robot=robot, cell=cell, **said)
+        **_fields(Identified, s), _made=Made.of(outcome, identify, recordings, robot=robot, cell=cell, **said)
     )
 
 
@@ -165,7 +165,7 @@ def diagnose(
     said = {"joints": joints, "names_only": names_only, "tool": tool, "next": next, "known": known}
     listening = listener(progress, "diagnosing")
     found = _native._diagnose(_sources(recordings), _machine(robot, cell), wholes(said, "next"), listening)
-    model, text, errors, planned, told = found
+    model, text, errors, planned, outcome = found
     answer: dict[str, Any] = json.loads(text)
     nameless = [] if answer["unexplained"] is None else [answer["unexplained"], *answer["more_unexplained"]]
     deciding = None
@@ -181,7 +181,7 @@ def diagnose(
         answer=answer,
         errors_mm=errors,
         next=deciding,
-        _made=Made.of(told, diagnose, recordings, robot=robot, cell=cell, **said),
+        _made=Made.of(outcome, diagnose, recordings, robot=robot, cell=cell, **said),
     )
 
 
@@ -209,9 +209,9 @@ def validate(
     loaded = _model(model)
     arm, place = (loaded.nominal_robot if robot is None else robot), (loaded.nominal_cell if cell is None else cell)
     listening = listener(progress, "validating")
-    text, errors, told = _native._validate(loaded, _sources(recordings), _machine(arm, place), given, listening)
+    text, errors, outcome = _native._validate(loaded, _sources(recordings), _machine(arm, place), given, listening)
     s = json.loads(text)
-    made = Made.of(told, validate, model, recordings, robot=robot, cell=cell, joints=joints, refit=refit)
+    made = Made.of(outcome, validate, model, recordings, robot=robot, cell=cell, joints=joints, refit=refit)
     return Validation(**_fields(Validation, {**s, "errors_mm": errors}), _made=made)
 
 
@@ -305,9 +305,9 @@ def plan(
     said = {"per_ball": per_ball, "pool": pool, "criterion": criterion, "sphere": sphere, "max_tilt": max_tilt}
     said |= {"noise": noise, "start": start, "seed": seed}
     given = {**wholes(said, "per_ball", "pool", "seed"), "sphere": _sphere(sphere)}
-    touches, text, told = _native._plan(_machine(robot, cell), given, listener(progress, "planning"))
+    touches, text, outcome = _native._plan(_machine(robot, cell), given, listener(progress, "planning"))
     s = json.loads(text)
-    made = Made.of(told, plan, robot=robot, cell=cell, **said)
+    made = Made.of(outcome, plan, robot=robot, cell=cell, **said)
     return Plan(*touches, s["parameters"], s["expected"], s, _made=made)
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ._findings import Finding
-    from ._native import Told
+    from ._native import Outcome
     from ._results import Diagnosis, Plan
 
 
@@ -49,9 +49,9 @@ def one_finding(found: Finding, label: str, error: str, x: Floats, without: Floa
     return figure
 
 
-def by_joint(told: Told, errors_mm: Floats | None, names: tuple[str, str]) -> Figure:
+def by_joint(outcome: Outcome, errors_mm: Floats | None, names: tuple[str, str]) -> Figure:
     """Position errors (n, 2) mm against each joint."""
-    q, slides = told.joint_values(), told.slides()
+    q, slides = outcome.joint_values(), outcome.slides()
     if errors_mm is None:
         raise TricalError("the recordings were read in passes: there are no errors one by one to draw")
     figure, panels = _figure(3, -(-q.shape[1] // 3))

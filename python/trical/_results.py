@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from . import _html
 from ._findings import Finding, Unexplained, Unseen
 from ._native import Model, TricalError
-from ._told import Certified, Reported
+from ._reports import Certified, Reported
 
 if TYPE_CHECKING:  # whoever imports trical need not wait for NumPy
     import numpy as np
@@ -119,7 +119,7 @@ class Identified(Certified):
         """Draw each measurement's position error against every joint, of the nominal arm and identified."""
         from ._plots import by_joint
 
-        return by_joint(self._told(), self.errors_mm, ("nominal arm", "identified"))
+        return by_joint(self._outcome(), self.errors_mm, ("nominal arm", "identified"))
 
 
 @dataclass(frozen=True, repr=False)
@@ -283,13 +283,13 @@ class Diagnosis(Reported):
             return diagnosis(self)
         if not 1 <= finding <= len(self.findings):
             raise TricalError(f"found no finding {finding}, there are {len(self.findings)}")
-        return one_finding(self.findings[finding - 1], *self._told().finding(finding - 1))
+        return one_finding(self.findings[finding - 1], *self._outcome().finding(finding - 1))
 
     def residuals_by_joint(self) -> Figure:
         """Draw each measurement's position error against every joint, without and with what was found."""
         from ._plots import by_joint
 
-        return by_joint(self._told(), self.errors_mm, ("without what was found", "with it"))
+        return by_joint(self._outcome(), self.errors_mm, ("without what was found", "with it"))
 
 
 @dataclass(frozen=True, repr=False)

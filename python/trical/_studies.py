@@ -12,8 +12,8 @@ from ._given import whole, wholes
 from ._native import Cell, Robot, TricalError
 from ._progress import Progress, listener
 from ._recording import PathLike
+from ._reports import Made
 from ._results import Study
-from ._told import Made
 
 
 def _common(given: dict[str, Any]) -> dict[str, Any]:

@@ -50,7 +50,7 @@ def test_everything_public_is_documented() -> None:
 
 def test_the_extension_offers_only_what_the_package_wraps() -> None:
     outside = [n for n in _native.__all__ if not n.startswith("_") and n not in trical.__all__]
-    assert sorted(outside) == ["ControllerLink", "GaugeLink", "Rows", "Told"]
+    assert sorted(outside) == ["ControllerLink", "GaugeLink", "Outcome", "Rows"]
 
 
 @pytest.mark.parametrize("kind", ERRORS)

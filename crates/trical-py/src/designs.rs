@@ -23,8 +23,8 @@ use crate::errors::{Result, bad};
 use crate::long::long;
 use crate::machine::{Machine, read};
 use crate::model::PyModel;
+use crate::outcome::{Outcome, PyOutcome};
 use crate::rows::{PyRows, RecordingArgument, read_all};
-use crate::told::{Kept, PyTold};
 
 /// What chosen touches are best for, and whether in the whole workspace.
 pub fn criterion(name: &str) -> PyResult<(Criterion, bool)> {
@@ -93,7 +93,7 @@ pub fn _plan<'py>(
     machine: Machine,
     given: &Bound<'py, PyDict>,
     progress: Option<Py<PyAny>>,
-) -> Result<(Touches<'py>, String, PyTold)> {
+) -> Result<(Touches<'py>, String, PyOutcome)> {
     let given: PlanKeywords<'_> = keywords(given)?;
     let (criterion, whole_workspace) = criterion(&given.criterion)?;
     let sphere = sphere(given.sphere)?;
@@ -124,7 +124,7 @@ pub fn _plan<'py>(
     let arrays = touches(py, &robot, &told.plan.entries);
     // an option of the command line by its name here
     let said = told.json().to_string().replace("--max-tilt-deg", "max_tilt");
-    Ok((arrays, said, PyTold(Kept::Planned(Box::new((robot, cell, told))))))
+    Ok((arrays, said, PyOutcome(Outcome::Planned(Box::new((robot, cell, told))))))
 }
 
 /// Keywords of `trical.poses`.

@@ -26,8 +26,8 @@ use crate::errors::{RecordingError, Result, bad};
 use crate::long::long;
 use crate::machine::{CellArgument, Machine, RobotArgument, read};
 use crate::model::PyModel;
+use crate::outcome::{Outcome, PyOutcome};
 use crate::rows::{PyRows, RecordingArgument, read_all};
-use crate::told::{Kept, PyTold};
 
 /// Pairs of errors in m as an array (n, 2) in mm.
 fn pairs_mm(before: &[f64], after: &[f64]) -> Array2<f64> {
@@ -61,7 +61,7 @@ fn passes(recordings: &[RecordingArgument], robot: &Robot, asked: &Options, want
 
 /// The model, a JSON summary, position errors before and after (n, 2) in mm, the covariance of the parameters (SI), what the
 /// report is made of.
-type Fit<'py> = (PyModel, String, Option<Bound<'py, PyArray2<f64>>>, Bound<'py, PyArray2<f64>>, PyTold);
+type Fit<'py> = (PyModel, String, Option<Bound<'py, PyArray2<f64>>>, Bound<'py, PyArray2<f64>>, PyOutcome);
 
 /// Keywords of `trical.identify`.
 #[derive(FromPyObject)]
@@ -116,7 +116,7 @@ pub fn _identify<'py>(
         None => Some(pairs_mm(&found.each_before, &found.fitted.errors()?).into_pyarray(py)),
     };
     let covariance = square(&found.fitted.covariance, found.fitted.free.len()).into_pyarray(py);
-    Ok((PyModel::new(file)?, text, errors, covariance, PyTold(Kept::Fitted(Box::new(found)))))
+    Ok((PyModel::new(file)?, text, errors, covariance, PyOutcome(Outcome::Fitted(Box::new(found)))))
 }
 
 /// Which sessions share a tool, by its name in Python.
@@ -151,7 +151,7 @@ fn next_touches(
 
 /// The extended model, the JSON of `docs/formats.md`, position errors before and after (n, 2) in mm, deciding touches with JSON, what the
 /// report is made of.
-type Diagnosed<'py> = (PyModel, String, Bound<'py, PyArray2<f64>>, Option<(Touches<'py>, String)>, PyTold);
+type Diagnosed<'py> = (PyModel, String, Bound<'py, PyArray2<f64>>, Option<(Touches<'py>, String)>, PyOutcome);
 
 /// Keywords of `trical.diagnose`.
 #[derive(FromPyObject)]
@@ -198,10 +198,10 @@ pub fn _diagnose<'py>(
             None => None,
         };
         let file = found.model_file();
-        Ok((file, value.to_string(), pairs, planned, Kept::Diagnosed(Box::new((found, source)))))
+        Ok((file, value.to_string(), pairs, planned, Outcome::Diagnosed(Box::new((found, source)))))
     })?;
     let planned = planned.map(|(next, said)| (touches(py, &robot, &next.entries), said.to_string()));
-    Ok((PyModel::new(file)?, text, errors.into_pyarray(py), planned, PyTold(told)))
+    Ok((PyModel::new(file)?, text, errors.into_pyarray(py), planned, PyOutcome(told)))
 }
 
 /// Keywords of `trical.validate`.
@@ -221,7 +221,7 @@ pub fn _validate<'py>(
     machine: Machine,
     given: &Bound<'py, PyDict>,
     progress: Option<Py<PyAny>>,
-) -> Result<(String, Bound<'py, PyArray2<f64>>, PyTold)> {
+) -> Result<(String, Bound<'py, PyArray2<f64>>, PyOutcome)> {
     let ValidateKeywords { joints, refit } = keywords(given)?;
     let file = model.get().file.clone();
     let joints = joints.as_deref().map(source).transpose()?.flatten();
@@ -240,9 +240,9 @@ pub fn _validate<'py>(
         let text = serde_json::to_string(&v)?;
         let (before, after): (Vec<f64>, Vec<f64>) = v.errors.iter().copied().unzip();
         task.step(1.0, "done")?;
-        Ok((text, pairs_mm(&before, &after), Kept::Scored(Box::new((v, file)))))
+        Ok((text, pairs_mm(&before, &after), Outcome::Scored(Box::new((v, file)))))
     })?;
-    Ok((text, errors.into_pyarray(py), PyTold(told)))
+    Ok((text, errors.into_pyarray(py), PyOutcome(told)))
 }
 
 /// Sessions against a model, as JSON text.

@@ -25,10 +25,10 @@ mod long;
 mod machine;
 mod measure;
 mod model;
+mod outcome;
 mod program;
 mod rows;
 mod studies;
-mod told;
 mod virtual_cell;
 mod watched;
 
@@ -43,7 +43,7 @@ fn _native(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<machine::PyCell>()?;
     m.add_class::<model::PyModel>()?;
     m.add_class::<rows::PyRows>()?;
-    m.add_class::<told::PyTold>()?;
+    m.add_class::<outcome::PyOutcome>()?;
     m.add_class::<devices::PyGaugeLink>()?;
     m.add_class::<devices::PyControllerLink>()?;
     m.add_class::<virtual_cell::PyVirtualCell>()?;

@@ -9,7 +9,7 @@ use crate::designs::criterion;
 use crate::errors::Result;
 use crate::long::long;
 use crate::machine::{Machine, read};
-use crate::told::{Kept, PyTold};
+use crate::outcome::{Outcome, PyOutcome};
 
 /// Keywords that all studies share.
 #[derive(FromPyObject)]
@@ -60,13 +60,13 @@ struct PlatformKeywords {
 }
 
 /// What its report is made of; table, CSV, SVG, verdict, notes, JSON text.
-type Told = (PyTold, Vec<Vec<String>>, String, String, String, Vec<String>, String);
+type Answer = (PyOutcome, Vec<Vec<String>>, String, String, String, Vec<String>, String);
 
-fn told(study: Study) -> Told {
+fn answer(study: Study) -> Answer {
     let Study { table, csv, svg, verdict, notes, json, .. } = &study;
     let (table, csv, svg) = (table.clone(), csv.clone(), svg.clone());
     let (verdict, notes, json) = (verdict.clone(), notes.clone(), json.to_string());
-    (PyTold(Kept::Studied(Box::new(study))), table, csv, svg, verdict, notes, json)
+    (PyOutcome(Outcome::Studied(Box::new(study))), table, csv, svg, verdict, notes, json)
 }
 
 /// Error against the number of touches.
@@ -77,10 +77,10 @@ pub fn _study_touches(
     per_ball: Vec<usize>,
     given: &Bound<'_, PyDict>,
     progress: Option<Py<PyAny>>,
-) -> Result<Told> {
+) -> Result<Answer> {
     let common = keywords::<CommonKeywords>(given)?.read()?;
     let (robot, cell) = read(&machine)?;
-    Ok(told(long(py, progress, |task| touches(&robot, &cell, &common, &per_ball, task))?))
+    Ok(answer(long(py, progress, |task| touches(&robot, &cell, &common, &per_ball, task))?))
 }
 
 /// Platforms of balls compared.
@@ -90,10 +90,10 @@ pub fn _study_platforms(
     machine: Machine,
     given: &Bound<'_, PyDict>,
     progress: Option<Py<PyAny>>,
-) -> Result<Told> {
+) -> Result<Answer> {
     let common = keywords::<CommonKeywords>(given)?.read()?;
     let PlatformKeywords { touches, balls, side_mm, height_mm, raise_mm } = keywords(given)?;
     let (robot, cell) = read(&machine)?;
     let asked = Platforms { touches, balls, side_mm, height_mm, raise_mm };
-    Ok(told(long(py, progress, |task| platforms(&robot, &cell, &common, &asked, task))?))
+    Ok(answer(long(py, progress, |task| platforms(&robot, &cell, &common, &asked, task))?))
 }

@@ -16,7 +16,7 @@ use crate::errors::{Result, bad, check, write};
 use crate::long::long;
 
 /// What was worked out, of whichever kind.
-pub enum Kept {
+pub enum Outcome {
     /// By `identify`.
     Fitted(Box<Calibration>),
     /// By `validate`: what was scored, the model's file.
@@ -29,7 +29,7 @@ pub enum Kept {
     Studied(Box<Study>),
 }
 
-impl Kept {
+impl Outcome {
     fn html(&self, made: Made) -> trical_report::Result<String> {
         match self {
             Self::Fitted(f) => identify_report::render(f, made),
@@ -54,18 +54,18 @@ fn page(path: &Path, inputs: &[PathBuf]) -> Result<()> {
 }
 
 /// What a report is made of.
-#[pyclass(name = "Told", module = "trical._native", frozen)]
-pub struct PyTold(pub Kept);
+#[pyclass(name = "Outcome", module = "trical._native", frozen)]
+pub struct PyOutcome(pub Outcome);
 
 /// What is drawn of a finding: label of x, label of the errors, x, errors without and with it.
 type Drawn<'py> =
     (String, &'static str, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
 
 #[pymethods]
-impl PyTold {
+impl PyOutcome {
     /// A finding (from 0) of a diagnosis against the variable that reveals it, one value for each observation.
     fn finding<'py>(&self, py: Python<'py>, number: usize) -> Result<Drawn<'py>> {
-        let Kept::Diagnosed(d) = &self.0 else { return Err(bad("expected a diagnosis").into()) };
+        let Outcome::Diagnosed(d) = &self.0 else { return Err(bad("expected a diagnosis").into()) };
         let Some(f) = d.0.findings.get(number) else {
             return Err(bad(format!("found no finding {}, there are {}", number + 1, d.0.findings.len())).into());
         };
@@ -77,8 +77,8 @@ impl PyTold {
     /// Joints at each observation that was fitted, (n, joints), rad (m for a joint that slides).
     fn joint_values<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyArray2<f64>>> {
         let (data, dof) = match &self.0 {
-            Kept::Fitted(f) => (&f.fitted.data, f.fitted.model.robot.dof()),
-            Kept::Diagnosed(d) => (&d.0.data, d.0.model.robot.dof()),
+            Outcome::Fitted(f) => (&f.fitted.data, f.fitted.model.robot.dof()),
+            Outcome::Diagnosed(d) => (&d.0.data, d.0.model.robot.dof()),
             _ => return Err(bad("expected an identification or a diagnosis").into()),
         };
         let o = &data.observations;
@@ -88,8 +88,8 @@ impl PyTold {
     /// Which of these joints slide, (joints,).
     fn slides(&self) -> Result<Vec<bool>> {
         let robot = match &self.0 {
-            Kept::Fitted(f) => &f.fitted.model.robot,
-            Kept::Diagnosed(d) => &d.0.model.robot,
+            Outcome::Fitted(f) => &f.fitted.model.robot,
+            Outcome::Diagnosed(d) => &d.0.model.robot,
             _ => return Err(bad("expected an identification or a diagnosis").into()),
         };
         Ok((1..=robot.dof()).map(|joint| robot.slides(joint)).collect())
@@ -102,8 +102,8 @@ impl PyTold {
             let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
             let made = Made::by(call, &inputs);
             let html = match &self.0 {
-                Kept::Fitted(f) => certificate::of_calibration(f, &made)?,
-                Kept::Scored(s) => certificate::of_validation(&s.0, &made)?,
+                Outcome::Fitted(f) => certificate::of_calibration(f, &made)?,
+                Outcome::Scored(s) => certificate::of_validation(&s.0, &made)?,
                 _ => return Err(bad("a certificate is of an identification or a validation").into()),
             };
             Ok(write(&path, html.as_bytes())?)

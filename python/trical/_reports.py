@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from ._native import Told, TricalError
+from ._native import Outcome, TricalError
 
 _Path = str | os.PathLike[str]
 
@@ -38,12 +38,12 @@ def _paths(value: object) -> list[str]:
 class Made:
     """What a report needs: the results, the call, the files that it read."""
 
-    told: Told
+    outcome: Outcome
     call: str
     inputs: list[str]
 
     @classmethod
-    def of(cls, told: Told, function: Callable[..., Any], *args: object, **keywords: object) -> Made:
+    def of(cls, outcome: Outcome, function: Callable[..., Any], *args: object, **keywords: object) -> Made:
         """Remember a call, whose `args` may be paths too; keywords as by default are not told."""
         usual = inspect.signature(function).parameters
         said = [_word(a) for a in args]
@@ -51,7 +51,7 @@ class Made:
             f"{k}={_word(v)}" for k, v in keywords.items() if not (k in usual and _word(usual[k].default) == _word(v))
         ]
         inputs = [p for v in (*args, *(keywords.get(f) for f in _FILES)) for p in _paths(v)]
-        return cls(told, f"trical.{function.__name__}({', '.join(said)})", inputs)
+        return cls(outcome, f"trical.{function.__name__}({', '.join(said)})", inputs)
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
@@ -68,12 +68,12 @@ class Reported:
         """
         if self._made is None:
             raise TricalError("this result was pickled or built by hand: write its report where it was made")
-        self._made.told.write(path, self._made.call, self._made.inputs)
+        self._made.outcome.write(path, self._made.call, self._made.inputs)
 
-    def _told(self) -> Told:
+    def _outcome(self) -> Outcome:
         if self._made is None:
             raise TricalError("this result was pickled or built by hand: draw it where it was made")
-        return self._made.told
+        return self._made.outcome
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what the report is made of: it may be large, and stays in the process that made it."""
@@ -92,4 +92,4 @@ class Certified(Reported):
         """
         if self._made is None:
             raise TricalError("this result was pickled or built by hand: certify it where it was made")
-        self._made.told.certify(path, self._made.call, self._made.inputs)
+        self._made.outcome.certify(path, self._made.call, self._made.inputs)

@@ -11,7 +11,7 @@ use trical_recording::output;
 
 use crate::arguments::keywords;
 use crate::errors::{Failed, Result, bad, check};
-use crate::long::long;
+use crate::interruptible::interruptible;
 use crate::machine::{Machine, read};
 use crate::model::PyModel;
 
@@ -105,7 +105,7 @@ pub fn _compensate(
         partial: given.partial,
     };
     let dialect = job.dialect()?;
-    let mut report = long(py, None, |_| job.run(&nominal, &file.model, &options))?;
+    let mut report = interruptible(py, None, |_| job.run(&nominal, &file.model, &options))?;
     if let Some(expected) = Expected::of(&file)? {
         report.expect(|q| expected.deviation(&State { temp_c, payload_kg, ..State::at(q) }));
     }

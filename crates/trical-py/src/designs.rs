@@ -20,7 +20,7 @@ use trical_report::plan_told::Told;
 use crate::arguments::{keywords, parameter_set, source};
 use crate::arrays::{Beside, Column, Known, joints_array, one_pose};
 use crate::errors::{Result, bad};
-use crate::long::long;
+use crate::interruptible::interruptible;
 use crate::machine::{Machine, read};
 use crate::model::PyModel;
 use crate::outcome::{Outcome, PyOutcome};
@@ -116,7 +116,7 @@ pub fn _plan<'py>(
         start: Some(start),
         ..PlanOptions::default()
     };
-    let told = long(py, progress, |task| -> Result<Told> {
+    let told = interruptible(py, progress, |task| -> Result<Told> {
         let plan = plan_touches(&robot, &cell, &options, task)?;
         task.step(1.0, "what it would show")?;
         Ok(Told::new(&model, plan, options)?)
@@ -158,7 +158,7 @@ pub fn _poses<'py>(
         within_rad: facing_within,
     });
     let (robot, cell) = read(&machine)?;
-    let poses = long(py, None, |_| -> Result<Vec<Joints>> {
+    let poses = interruptible(py, None, |_| -> Result<Vec<Joints>> {
         let model = CollisionModel::new(&robot, &cell)?;
         let options = ValidationOptions { seed, facing, ..ValidationOptions::default() };
         Ok(match &sphere {
@@ -235,7 +235,7 @@ pub fn _simulate(
     };
     let scatter = Scatter { length: noise, angle: angle_noise, seed };
     let rows: Vec<_> = (0..n).map(|k| (State { seq: Some(k as f64), ..states.at(k) }, aim(k))).collect();
-    let recording = long(py, None, |_| simulate(&model, &rows, &scatter, stop_within))?;
+    let recording = interruptible(py, None, |_| simulate(&model, &rows, &scatter, stop_within))?;
     Ok(PyRows(Arc::new(recording)))
 }
 
@@ -250,7 +250,7 @@ pub fn _observability(
     noise: Option<f64>,
 ) -> Result<String> {
     let (joints, set) = (source(joints)?.unwrap_or(JointSource::Read), parameter_set(set)?);
-    let value = long(py, None, |_| -> Result<Value> {
+    let value = interruptible(py, None, |_| -> Result<Value> {
         let (robot, cell) = read(&machine)?;
         let data = Dataset::build(&read_all(&recordings, &robot)?, joints, None)?;
         let mut model = Model::nominal(robot, cell);

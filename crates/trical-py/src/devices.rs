@@ -19,7 +19,7 @@ use trical_model::{Cell, Joints};
 use crate::arguments::keywords;
 use crate::errors::{Result, bad};
 use crate::machine::RobotArgument;
-use crate::watched::watched;
+use crate::supervised::supervised;
 
 /// A device that is open, or closed again.
 struct Link<D: ?Sized>(Mutex<Option<Box<D>>>);
@@ -52,7 +52,7 @@ pub fn _ports(py: Python<'_>) -> Result<Vec<(String, String, Option<String>)>> {
 /// Masters a gauge: what it shows on the calibrator (3,) m, its URL from now on, warnings.
 #[pyfunction]
 pub fn _master(py: Python<'_>, url: String) -> Result<(Bound<'_, PyArray1<f64>>, String, Vec<String>)> {
-    let Mastering { zero, url, warnings } = watched(py, None, |end, _| Ok(master(&url, &end.asked)?))?;
+    let Mastering { zero, url, warnings } = supervised(py, None, |end, _| Ok(master(&url, &end.asked)?))?;
     Ok((zero.to_vec().into_pyarray(py), url, warnings))
 }
 
@@ -94,7 +94,7 @@ impl PyGaugeLink {
 
     /// One reading, (3,) m; `settled`: once it stands still.
     fn read<'py>(&self, py: Python<'py>, settled: bool) -> Result<Bound<'py, PyArray1<f64>>> {
-        let reading = watched(py, None, |end, _| {
+        let reading = supervised(py, None, |end, _| {
             self.link.with("gauge", |gauge| {
                 if settled {
                     let settle = gauge.settle();
@@ -108,7 +108,7 @@ impl PyGaugeLink {
 
     /// What the device says of itself.
     fn says(&self, py: Python<'_>) -> Result<Vec<String>> {
-        Ok(watched(py, None, |_, _| self.link.with("gauge", |gauge| Ok(gauge.describe()?)))?)
+        Ok(supervised(py, None, |_, _| self.link.with("gauge", |gauge| Ok(gauge.describe()?)))?)
     }
 
     /// Warnings since the last call.
@@ -119,7 +119,7 @@ impl PyGaugeLink {
     /// Reads so many times.
     fn trial<'py>(&self, py: Python<'py>, count: usize) -> Result<Tried<'py>> {
         let Trial { says, readings, seconds_each, axes } =
-            watched(py, None, |end, _| self.link.with("gauge", |gauge| Ok(trial(gauge, count, &end.asked)?)))?;
+            supervised(py, None, |end, _| self.link.with("gauge", |gauge| Ok(trial(gauge, count, &end.asked)?)))?;
         let readings = Array2::from_shape_fn((readings.len(), 3), |(i, k)| readings[i][k]).into_pyarray(py);
         let axes = axes.iter().map(|a| (a.mean, a.sd, a.spread, a.step)).collect();
         Ok((says, readings, seconds_each, axes))
@@ -130,7 +130,7 @@ impl PyGaugeLink {
         let wait = Duration::try_from_secs_f64(wait)
             .map_err(|_| bad(format!("timeout is {wait}, expected a time in s of 0 or more")))?;
         let work = |cancel: &AtomicBool| self.link.with("gauge", |gauge| Ok(stem_answers(gauge, axis, wait, cancel)?));
-        Ok(watched(py, None, |end, _| work(&end.asked))?)
+        Ok(supervised(py, None, |end, _| work(&end.asked))?)
     }
 }
 
@@ -180,7 +180,7 @@ impl PyControllerLink {
     /// Opens a controller.
     #[staticmethod]
     fn open(py: Python<'_>, url: String) -> Result<Self> {
-        let controller = watched(py, None, |_, _| Ok(open_controller(&url)?))?;
+        let controller = supervised(py, None, |_, _| Ok(open_controller(&url)?))?;
         Ok(Self { name: controller.name(), joints: controller.joint_count(), link: Link::new(controller) })
     }
 
@@ -209,13 +209,13 @@ impl PyControllerLink {
 
     /// Median time of an answer in s, clock in s, temperature in degC.
     fn ping(&self, py: Python<'_>) -> Result<(f64, f64, Option<f64>)> {
-        let answer = watched(py, None, |_, _| self.link.with("controller", |c| Ok(ping(c)?)))?;
+        let answer = supervised(py, None, |_, _| self.link.with("controller", |c| Ok(ping(c)?)))?;
         Ok((answer.answers_in, answer.clock, answer.temp_c))
     }
 
     /// Joints once they stand still, (joints,) rad (m).
     fn joints<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyArray1<f64>>> {
-        let q = watched(py, None, |end, _| {
+        let q = supervised(py, None, |end, _| {
             self.link.with("controller", |c| {
                 let settle = c.joint_settle();
                 Ok(wait_settled(c, &settle, &end.asked)?)
@@ -238,7 +238,7 @@ impl PyControllerLink {
         };
         check_speed(speed).map_err(|e| refused(&e))?;
         let robot = robot.map(|r| r.read()).transpose()?;
-        let (before, after) = watched(py, None, |end, _| {
+        let (before, after) = supervised(py, None, |end, _| {
             self.link.with("controller", |c| {
                 c.stop_when(Arc::clone(&end.stops));
                 if let Some(robot) = &robot {

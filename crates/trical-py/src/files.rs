@@ -11,7 +11,7 @@ use trical_report::{ErrorMap, Export};
 
 use crate::arguments::keywords;
 use crate::errors::{Result, bad, check, write};
-use crate::long::long;
+use crate::interruptible::interruptible;
 use crate::machine::{PyCell, PyRobot, RobotArgument};
 use crate::model::PyModel;
 use crate::rows::save;
@@ -20,7 +20,7 @@ use crate::rows::save;
 #[pyfunction]
 pub fn _convert(py: Python<'_>, input: PathBuf, output: PathBuf, joints: Option<usize>) -> Result<String> {
     check(output::check_output(&output, [input.as_path()]))?;
-    let said = long(py, None, |_| -> Result<Value> {
+    let said = interruptible(py, None, |_| -> Result<Value> {
         if let Some(source) = UrdfPath::of(&input) {
             let arm = source.load()?;
             if output.extension().is_none_or(|e| e != "toml") {
@@ -77,7 +77,7 @@ pub fn _export(
         file.require_robot(&robot.read()?, &name)?;
     }
     let model = file.model;
-    let said = long(py, None, |_| -> Result<Value> {
+    let said = interruptible(py, None, |_| -> Result<Value> {
         let arm = Export::of(&model)?;
         let mut written = Vec::new();
         let mut put = |out: &Path, text: &str| -> Result<()> {

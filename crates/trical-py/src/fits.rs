@@ -23,7 +23,7 @@ use trical_report::verdict_told;
 use crate::arguments::{keywords, parameter_set, source};
 use crate::designs::{Touches, touches};
 use crate::errors::{RecordingError, Result, bad};
-use crate::long::long;
+use crate::interruptible::interruptible;
 use crate::machine::{CellArgument, Machine, RobotArgument, read};
 use crate::model::PyModel;
 use crate::outcome::{Outcome, PyOutcome};
@@ -95,7 +95,7 @@ pub fn _identify<'py>(
             bad("known with stream=True; expected one of them, since files are read in passes without priors").into()
         );
     }
-    let found = long(py, progress, |task| -> Result<Calibration> {
+    let found = interruptible(py, progress, |task| -> Result<Calibration> {
         let (robot, cell) = read(&machine)?;
         let choice = Choice::new(set, &compliant, robot.dof())?
             .knowing(known.as_deref().map(KnownParameters::load).transpose()?.unwrap_or_default());
@@ -186,7 +186,7 @@ pub fn _diagnose<'py>(
     if next.is_some_and(|n| !(1..=1000).contains(&n)) {
         return Err(bad("next: expected 1 to 1000 touches").into());
     }
-    let (file, text, errors, planned, told) = long(py, progress, |task| -> Result<_> {
+    let (file, text, errors, planned, told) = interruptible(py, progress, |task| -> Result<_> {
         let recordings = read_all(&recordings, &robot)?;
         let (found, source) = diagnose_recordings(&robot, &cell, &recordings, &options, task)?;
         let value = verdict_told::answer(&found, source)?;
@@ -230,7 +230,7 @@ pub fn _validate<'py>(
     }
     let has = |what: &str| refit.iter().any(|w| w == what);
     let refit = (!refit.is_empty()).then(|| Refit { frame: has("frame"), targets: has("targets") });
-    let (text, errors, told) = long(py, progress, |task| -> Result<_> {
+    let (text, errors, told) = interruptible(py, progress, |task| -> Result<_> {
         let (robot, cell) = read(&machine)?;
         file.require_robot(&robot, "the model")?;
         task.step(0.0, "reading")?;

@@ -5,13 +5,13 @@
 //! | module | holds |
 //! |---|---|
 //! | `arrays` | what NumPy users call an array |
-//! | `errors`, `long`, `watched` | exceptions; the interpreter's lock, progress and Ctrl-C: of work, and of waiting for machines |
+//! | `errors`, `interruptible`, `supervised` | exceptions; the interpreter's lock, progress and Ctrl-C: of work, and of waiting for machines |
 //! | `machine`, `model`, `rows` | the classes: Robot, Cell, Model, Rows (of a recording) |
 //! | `fits`, `designs`, `studies`, `compensate` | the long calls |
 //! | `devices`, `virtual_cell`, `measure` | gauges and controllers, a cell without hardware, the measuring procedure |
 //! | `files` | from and for other programs |
 //! | `program` | the `trical` command, and sample data |
-//! | `told` | what reports are made of |
+//! | `outcome` | what reports are made of |
 
 mod arguments;
 mod arrays;
@@ -21,7 +21,7 @@ mod devices;
 mod errors;
 mod files;
 mod fits;
-mod long;
+mod interruptible;
 mod machine;
 mod measure;
 mod model;
@@ -29,8 +29,8 @@ mod outcome;
 mod program;
 mod rows;
 mod studies;
+mod supervised;
 mod virtual_cell;
-mod watched;
 
 use pyo3::prelude::*;
 

@@ -18,7 +18,7 @@ use crate::arguments::keywords;
 use crate::errors::{Failed, MeasuringError, Result, bad};
 use crate::machine::{Machine, PyCell, read};
 use crate::rows::PyRows;
-use crate::watched::{End, Tell, watched};
+use crate::supervised::{End, Tell, supervised};
 
 /// With what to measure, and where to: keywords of `trical.measure` and `trical.touch_here`.
 #[derive(FromPyObject)]
@@ -170,7 +170,7 @@ pub fn _measure(
 ) -> Result<Ran> {
     let devices: DeviceKeywords = keywords(given)?;
     let settings = keywords::<SettingsKeywords>(given)?.read()?;
-    let report = watched(py, progress, |end, tell| {
+    let report = supervised(py, progress, |end, tell| {
         let machine = read(&machine)?;
         let (robot, cell) = &machine;
         let plan = plan.read(robot, cell)?;
@@ -201,7 +201,7 @@ pub fn _touch_here(
 ) -> Result<PyRows> {
     let devices: DeviceKeywords = keywords(given)?;
     let settings = keywords::<SettingsKeywords>(given)?.read()?;
-    let recording = watched(py, progress, |end, tell| {
+    let recording = supervised(py, progress, |end, tell| {
         let machine = read(&machine)?;
         let ((robot, cell), out) = (&machine, &devices.out);
         if ball >= cell.balls.len() {

@@ -15,7 +15,7 @@ use trical_report::error_map::Miss;
 use crate::arguments::path_of;
 use crate::arrays::{Beside, Known, States, Table, floats, joints_array, rows_or_one};
 use crate::errors::{Failed, Result, bad, write};
-use crate::long::long;
+use crate::interruptible::interruptible;
 use crate::machine::{CellArgument, PyCell, PyRobot, RobotArgument, kinds, limits};
 
 /// A model ready to predict where the tool is.
@@ -241,7 +241,7 @@ impl PyModel {
         let Some(n) = usize::try_from(n).ok().filter(|n| (1..=1_000_000).contains(n)) else {
             return Err(bad(format!("n is {n}, expected 1 to 1000000 poses")).into());
         };
-        let misses = long(py, None, |_| ErrorMap::of(&self.file.model, n))?.misses;
+        let misses = interruptible(py, None, |_| ErrorMap::of(&self.file.model, n))?.misses;
         let joints: Vec<_> = misses.iter().map(|m| m.joints).collect();
         let of =
             |f: fn(&Miss) -> &Vector3<f64>| Array2::from_shape_fn((n, 3), |(i, k)| f(&misses[i])[k]).into_pyarray(py);

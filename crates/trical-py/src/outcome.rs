@@ -13,7 +13,7 @@ use trical_report::study::Study;
 use trical_report::{Made, certificate, diagnosis_report, identify_report, plan_report, plan_told, validate_report};
 
 use crate::errors::{Result, bad, check, write};
-use crate::long::long;
+use crate::interruptible::interruptible;
 
 /// What was worked out, of whichever kind.
 pub enum Outcome {
@@ -98,7 +98,7 @@ impl PyOutcome {
     /// Writes the certificate of a calibration or a validation: one page, made by `call` from `inputs`.
     fn certify(&self, py: Python<'_>, path: PathBuf, call: String, inputs: Vec<PathBuf>) -> Result<()> {
         page(&path, &inputs)?;
-        long(py, None, |_| -> Result<()> {
+        interruptible(py, None, |_| -> Result<()> {
             let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
             let made = Made::by(call, &inputs);
             let html = match &self.0 {
@@ -114,7 +114,7 @@ impl PyOutcome {
     /// Writes the report: one HTML file, whole or not at all, that says it was made by `call` from `inputs`.
     fn write(&self, py: Python<'_>, path: PathBuf, call: String, inputs: Vec<PathBuf>) -> Result<()> {
         page(&path, &inputs)?;
-        long(py, None, |_| -> Result<()> {
+        interruptible(py, None, |_| -> Result<()> {
             let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
             let html = self.0.html(Made::by(call, &inputs))?;
             Ok(write(&path, html.as_bytes())?)

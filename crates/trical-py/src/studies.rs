@@ -7,7 +7,7 @@ use trical_report::study::{Common, Platforms, Study, platforms, touches};
 use crate::arguments::{keywords, parameter_set};
 use crate::designs::criterion;
 use crate::errors::Result;
-use crate::long::long;
+use crate::interruptible::interruptible;
 use crate::machine::{Machine, read};
 use crate::outcome::{Outcome, PyOutcome};
 
@@ -80,7 +80,7 @@ pub fn _study_touches(
 ) -> Result<Answer> {
     let common = keywords::<CommonKeywords>(given)?.read()?;
     let (robot, cell) = read(&machine)?;
-    Ok(answer(long(py, progress, |task| touches(&robot, &cell, &common, &per_ball, task))?))
+    Ok(answer(interruptible(py, progress, |task| touches(&robot, &cell, &common, &per_ball, task))?))
 }
 
 /// Platforms of balls compared.
@@ -95,5 +95,5 @@ pub fn _study_platforms(
     let PlatformKeywords { touches, balls, side_mm, height_mm, raise_mm } = keywords(given)?;
     let (robot, cell) = read(&machine)?;
     let asked = Platforms { touches, balls, side_mm, height_mm, raise_mm };
-    Ok(answer(long(py, progress, |task| platforms(&robot, &cell, &common, &asked, task))?))
+    Ok(answer(interruptible(py, progress, |task| platforms(&robot, &cell, &common, &asked, task))?))
 }

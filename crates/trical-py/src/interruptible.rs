@@ -14,7 +14,7 @@ const LOOK: Duration = Duration::from_millis(50);
 
 /// Runs `work` while other threads of Python run too. `progress` is a callable of a fraction and what is being done, or None.
 /// Ctrl-C, and whatever `progress` raises, stops the work at its next step.
-pub fn long<T: Send, E>(
+pub fn interruptible<T: Send, E>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,
     work: impl FnOnce(&Task<'_>) -> std::result::Result<T, E> + Send,

@@ -28,7 +28,7 @@ pub struct End {
 /// Runs `work` on a thread of its own, while this one hears its progress for `progress` (a callable of a fraction and what is
 /// being done, or None) and looks for Ctrl-C. Ctrl-C, and whatever `progress` raises, tell `work` to end, and each Ctrl-C to stop
 /// the motion under way; the call returns when `work` has ended, in order, and raises that. How it ended then is the cause of what is raised.
-pub fn watched<T: Send>(
+pub fn supervised<T: Send>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,
     work: impl FnOnce(&End, Tell<'_>) -> Result<T> + Send,

@@ -258,8 +258,8 @@ pub fn fit_some(
         residuals = weighted_residuals(&forward, data, &noise);
     }
     let factored = factor_of(&solver, &forward, data, &noise, known);
-    let held = solver.held().to_vec();
-    let fitted = Fitted { factored, held, residuals, noise: said, report, dependent };
+    let at_limit = solver.at_limit().to_vec();
+    let fitted = Fitted { factored, at_limit, residuals, noise: said, report, dependent };
     Ok(Identified { known: known.to_vec(), ..finish(forward, data, fitted)? })
 }
 
@@ -285,7 +285,7 @@ struct Fitted {
     /// Of `J`.
     factored: Factored,
     /// Coefficients that a limit stopped.
-    held: Vec<bool>,
+    at_limit: Vec<bool>,
     /// In the same units.
     residuals: Vec<([f64; 6], usize)>,
     noise: Noise,
@@ -294,10 +294,10 @@ struct Fitted {
 }
 
 fn finish(forward: Forward, data: &Dataset, fitted: Fitted) -> Result<Identified> {
-    let Fitted { factored, held, residuals, noise, report, dependent } = fitted;
+    let Fitted { factored, at_limit, residuals, noise, report, dependent } = fitted;
     let free = forward.free().to_vec();
     // what a limit holds is fixed, and tells nothing of the others
-    let moved: Vec<usize> = (0..free.len()).filter(|k| !held[*k]).collect();
+    let moved: Vec<usize> = (0..free.len()).filter(|k| !at_limit[*k]).collect();
     let p = moved.len();
     let Factored { r, spectrum } =
         if p == free.len() { factored } else { Factored::of(triangular(&factored.r, &moved)) };
@@ -333,7 +333,7 @@ fn finish(forward: Forward, data: &Dataset, fitted: Fitted) -> Result<Identified
         }
         model.terms[free[*a]].sd = Some((of_moved[i * p + i] * variance).max(0.0).sqrt());
     }
-    let at_limit: Vec<usize> = (0..free.len()).filter(|k| held[*k]).map(|k| free[k]).collect();
+    let at_limit: Vec<usize> = (0..free.len()).filter(|k| at_limit[*k]).map(|k| free[k]).collect();
     for k in &at_limit {
         model.terms[*k].sd = None;
     }

@@ -161,8 +161,8 @@ pub(crate) struct Solver {
     scale: Vec<f64>,
     proposal: Vec<f64>,
     /// Coefficients that a step leaves at their limits.
-    held: Vec<bool>,
-    /// Where a step must take coefficients, whatever the data ask for: those that are held, and those that would go too far.
+    at_limit: Vec<bool>,
+    /// Where a step must take coefficients, whatever the data ask for: those that stand there, and those that would go too far.
     target: Vec<Option<f64>>,
     memory: MemBuffer,
 }
@@ -180,15 +180,15 @@ impl Solver {
             rhs: Mat::zeros(p, 1),
             scale: vec![1.0; p],
             proposal: vec![0.0; p],
-            held: vec![false; p],
+            at_limit: vec![false; p],
             target: vec![None; p],
             memory: MemBuffer::new(scratch),
         }
     }
 
     /// The coefficients that stand at a limit which they would pass, in the order of the free ones.
-    pub fn held(&self) -> &[bool] {
-        &self.held
+    pub fn at_limit(&self) -> &[bool] {
+        &self.at_limit
     }
 
     /// The factor of `J` where the fit ended, of the products where these have the digits; else the rows have to be asked again.
@@ -204,8 +204,8 @@ impl Solver {
 
     /// The step from `x` at damping `lambda` into `rhs` (scaled), within the limits; false where the matrix is not positive.
     fn step(&mut self, lambda: f64, x: &[f64], known: &[Known]) -> bool {
-        for ((target, held), x) in self.target.iter_mut().zip(&self.held).zip(x) {
-            *target = held.then_some(*x);
+        for ((target, at_limit), x) in self.target.iter_mut().zip(&self.at_limit).zip(x) {
+            *target = at_limit.then_some(*x);
         }
         loop {
             if !self.solve(lambda, x) {
@@ -282,7 +282,7 @@ impl Solver {
             }
             forward.set_coefficients(&x);
         }
-        self.held.fill(false);
+        self.at_limit.fill(false);
         evaluate(forward, data, noise, known, params.huber, &mut self.at);
         let many = p > MANY;
         let mut damping = Damping { lambda: LAMBDA, rise: 10.0, faster: if many { 10.0 } else { 1.0 } };
@@ -394,7 +394,7 @@ impl Solver {
     fn hold(&mut self, x: &[f64], known: &[Known]) {
         for (j, (x, k)) in x.iter().zip(known).enumerate() {
             let g = self.at.g(j);
-            self.held[j] = (*x <= k.limits[0] && g > 0.0) || (*x >= k.limits[1] && g < 0.0);
+            self.at_limit[j] = (*x <= k.limits[0] && g > 0.0) || (*x >= k.limits[1] && g < 0.0);
         }
     }
 
@@ -426,7 +426,7 @@ impl Solver {
                 )));
             }
             *s = d.sqrt();
-            if !self.held[a] {
+            if !self.at_limit[a] {
                 gradient = gradient.max((self.at.g(a) / (*s * r)).abs());
             }
         }

@@ -487,15 +487,15 @@ const SHORT: usize = 5;
 fn refuse_short(data: &Dataset) -> Result<()> {
     let poses = |k: usize| data.filtered(|o| o.recording == k).used_poses().len();
     match (0..data.names.len()).find(|k| poses(*k) < SHORT) {
-        Some(k) => Err(IdentError::Recording {
-            file: data.names[k].clone(),
-            place: "its rows".into(),
-            problem: format!(
+        Some(k) => Err(IdentError::at(
+            &data.names[k],
+            "its rows",
+            format!(
                 "found {}; at least {SHORT} are needed to tell whether tool and balls are the same as in the other recordings: measure more, or \
                  say that all have one tool",
                 if poses(k) == 1 { "1 pose".to_owned() } else { format!("{} poses", poses(k)) }
             ),
-        }),
+        )),
         None => Ok(()),
     }
 }

@@ -146,14 +146,11 @@ impl Dataset {
         let mut row = 0;
         for (index, recording) in recordings.iter().enumerate() {
             if recording.joints != this.dof {
-                return Err(IdentError::Recording {
-                    file: recording.name.clone(),
-                    place: "header".into(),
-                    problem: format!(
-                        "has {} joints, but {} has {}; recordings of one arm are expected",
-                        recording.joints, first.name, first.joints
-                    ),
-                });
+                let problem = format!(
+                    "has {} joints, but {} has {}; recordings of one arm are expected",
+                    recording.joints, first.name, first.joints
+                );
+                return Err(IdentError::at(&recording.name, "header", problem));
             }
             let framed = recording.rows.iter().any(|r| {
                 matches!(r.measured, Measured::Point { .. } | Measured::Pose { .. } | Measured::Reference { .. })

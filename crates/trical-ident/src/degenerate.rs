@@ -82,9 +82,7 @@ pub fn check_units(robot: &Robot, cell: &Cell, data: &Dataset) -> Result<()> {
             largest = o.state.q.iter().zip(&robot.joints).map(turns).fold(largest, f64::max);
         }
         let (measured, moved) = (spread(pairs.iter().map(|p| p.0)), spread(pairs.iter().map(|p| p.1)));
-        let error = |place: &str, problem: String| {
-            Err(IdentError::Recording { file: name.clone(), place: place.to_owned(), problem })
-        };
+        let error = |place: &str, problem: String| Err(IdentError::at(name, place, problem));
         let is_point = |o: &&Observation| !matches!(o.measured, Measured::Touch { .. });
         let unit = UNITS.iter().find(|(_, less)| moved > MOVED && less.contains(&(moved / measured)));
         if let Some((unit, _)) = unit

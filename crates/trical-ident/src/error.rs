@@ -7,24 +7,6 @@ use trical_recording::RecordError;
 /// Errors of this crate. Each message is one sentence that can be shown to a user as it is.
 #[derive(Debug, Error)]
 pub enum IdentError {
-    /// Something is wrong with a recording.
-    #[error("{file}, {place}: {problem}")]
-    Recording {
-        /// File name as the user gave it.
-        file: String,
-        /// "line 12, column q3_deg" or "header".
-        place: String,
-        /// What was found and what was expected.
-        problem: String,
-    },
-    /// A file cannot be read or written at all.
-    #[error("{file}: {problem}")]
-    File {
-        /// File name as the user gave it.
-        file: String,
-        /// What happened.
-        problem: String,
-    },
     /// The recordings do not hold enough for what was asked.
     #[error("{0}")]
     NotEnough(String),
@@ -34,7 +16,7 @@ pub enum IdentError {
     /// A model file does not belong to this robot, or cannot be used on these recordings.
     #[error("{0}")]
     WrongModel(String),
-    /// A recording cannot be read.
+    /// Something is wrong with a recording, or with another file.
     #[error(transparent)]
     Record(#[from] RecordError),
     /// The robot, the cell or a term is at fault.
@@ -43,9 +25,19 @@ pub enum IdentError {
 }
 
 impl IdentError {
+    /// What is wrong at a place of a recording.
+    pub(crate) fn at(file: &str, place: impl Into<String>, problem: impl Into<String>) -> Self {
+        Self::Record(RecordError::At { file: file.to_owned(), place: place.into(), problem: problem.into() })
+    }
+
     /// What is wrong with a line of a recording.
     pub(crate) fn at_line(file: &str, line: usize, problem: impl Into<String>) -> Self {
-        Self::Recording { file: file.to_owned(), place: format!("line {line}"), problem: problem.into() }
+        Self::at(file, format!("line {line}"), problem)
+    }
+
+    /// What is wrong with a file as a whole.
+    pub(crate) fn of_file(file: &str, problem: impl Into<String>) -> Self {
+        Self::Record(RecordError::File { file: file.to_owned(), problem: problem.into() })
     }
 }
 

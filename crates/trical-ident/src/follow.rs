@@ -26,7 +26,7 @@ const ROUNDS: usize = 6;
 /// Refuses recordings with an indicator that does not follow.
 ///
 /// # Errors
-/// [`IdentError::File`] names recording and indicator. Data that cannot be fitted is left to the fit itself to tell of.
+/// [`trical_recording::RecordError::File`] names recording and indicator. Data that cannot be fitted is left to the fit itself to tell of.
 pub fn refuse_stuck_stems(robot: &Robot, cell: &Cell, data: &Dataset) -> Result<()> {
     for (recording, name) in data.names.iter().enumerate() {
         let readings: Vec<[f64; 3]> = data
@@ -45,9 +45,9 @@ pub fn refuse_stuck_stems(robot: &Robot, cell: &Cell, data: &Dataset) -> Result<
                 continue;
             }
             let Ok(Some((off, others))) = misses(robot, cell, data, recording, axis, spread[axis]) else { continue };
-            return Err(IdentError::File {
-                file: name.clone(),
-                problem: format!(
+            return Err(IdentError::of_file(
+                name,
+                format!(
                     "indicator {} does not follow: its {} readings spread by {:.4} mm, but by the other two indicators, which agree \
                      to {:.3} mm, the arm was {:.3} mm from what it reads (medians); free its stem and measure again",
                     ["x", "y", "z"][axis],
@@ -56,7 +56,7 @@ pub fn refuse_stuck_stems(robot: &Robot, cell: &Cell, data: &Dataset) -> Result<
                     others * 1e3,
                     off * 1e3
                 ),
-            });
+            ));
         }
     }
     Ok(())

@@ -399,11 +399,8 @@ pub fn prepared(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice) -> 
             _ => continue,
         };
         if found >= count {
-            return Err(IdentError::Recording {
-                file: data.names[o.recording].clone(),
-                place: format!("line {}, column {what}", o.line),
-                problem: format!("found {what} {}, but {of} has {count}", found + 1),
-            });
+            let problem = format!("found {what} {}, but {of} has {count}", found + 1);
+            return Err(IdentError::at(&data.names[o.recording], format!("line {}, column {what}", o.line), problem));
         }
     }
     check_balls(cell, data)?;

@@ -80,7 +80,7 @@ impl KnownParameters {
     /// # Errors
     /// As [`Self::load`].
     pub fn parse(text: &str, file: &str) -> Result<Self> {
-        let error = |problem: String| IdentError::File { file: file.to_owned(), problem };
+        let error = |problem: String| IdentError::of_file(file, problem);
         let mut known: Self = trical_model::error::parse_toml(text, file)?;
         file.clone_into(&mut known.file);
         if known.parameter.is_empty() {
@@ -117,7 +117,7 @@ impl KnownParameters {
     pub fn of(&self, model: &Model) -> Result<Vec<Known>> {
         let mut out = vec![Known::NOTHING; model.terms.len()];
         for k in &self.parameter {
-            let error = |problem: String| IdentError::File { file: self.file.clone(), problem };
+            let error = |problem: String| IdentError::of_file(&self.file, problem);
             let Some(i) = model.terms.iter().position(|t| t.name == k.name) else {
                 let names: Vec<&str> = model.terms.iter().map(|t| t.name.as_str()).collect();
                 return Err(error(format!(

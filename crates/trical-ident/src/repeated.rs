@@ -33,7 +33,7 @@ fn mark(row: &Row, joints: usize) -> u64 {
 }
 
 fn wrong(recording: &Recording, problem: String) -> IdentError {
-    IdentError::File { file: recording.name.clone(), problem }
+    IdentError::of_file(&recording.name, problem)
 }
 
 /// Refuses recordings that hold the same measurements: whole ones, whatever their names and formats; at least half of one in another; the

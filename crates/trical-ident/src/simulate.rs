@@ -56,8 +56,7 @@ pub fn simulate(
     let mut noise = Noise { rng: Pcg64Mcg::seed_from_u64(scatter.seed) };
     let mut out = Vec::with_capacity(rows.len());
     for (k, (state, aim)) in rows.iter().enumerate() {
-        let wrong =
-            |problem: String| IdentError::Recording { file: "simulation".into(), place: format!("row {k}"), problem };
+        let wrong = |problem: String| IdentError::at("simulation", format!("row {k}"), problem);
         let mut state = *state;
         forward.check(&state, &nothing_at(*aim), 0).map_err(|e: ModelError| wrong(e.to_string()))?;
         if let (Aim::Ball(ball), Some(within)) = (aim, stop_within) {

@@ -90,7 +90,6 @@ impl From<IdentError> for Failed {
         let text = e.to_string();
         Self(match e {
             IdentError::Record(e) => return e.into(),
-            IdentError::Recording { .. } | IdentError::File { .. } => RecordingError::new_err(text),
             IdentError::NotEnough(_) => NotEnoughDataError::new_err(text),
             IdentError::NotConverged(_) => NotConvergedError::new_err(text),
             IdentError::WrongModel(_) => WrongModelError::new_err(text),

@@ -48,7 +48,7 @@ struct Reader<'a> {
 
 impl Reader<'_> {
     fn error(&self, place: impl Into<String>, problem: impl Into<String>) -> RecordError {
-        RecordError::Csv { file: self.file.to_owned(), place: place.into(), problem: problem.into() }
+        RecordError::At { file: self.file.to_owned(), place: place.into(), problem: problem.into() }
     }
 
     fn wrong_header(&self, problem: impl Into<String>) -> RecordError {
@@ -435,10 +435,10 @@ fn all_in_one(problems: Vec<RecordError>) -> Option<RecordError> {
     let many = problems.len() >= MOST_PROBLEMS;
     let mut problems = problems.into_iter();
     let mut first = problems.next()?;
-    if let RecordError::Csv { problem, .. } = &mut first {
+    if let RecordError::At { problem, .. } = &mut first {
         for other in problems {
             match other {
-                RecordError::Csv { place, problem: next, .. } => *problem += &format!("; {place}: {next}"),
+                RecordError::At { place, problem: next, .. } => *problem += &format!("; {place}: {next}"),
                 other => *problem += &format!("; {other}"),
             }
         }

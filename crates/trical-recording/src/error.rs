@@ -7,9 +7,9 @@ use thiserror::Error;
 /// Why a recording could not be read or written.
 #[derive(Debug, Error)]
 pub enum RecordError {
-    /// Something in a CSV makes no sense.
+    /// Something in a recording makes no sense.
     #[error("{file}, {place}: {problem}")]
-    Csv {
+    At {
         /// File name as the user gave it.
         file: String,
         /// "line 12, column q3_deg" or "header".

@@ -171,7 +171,7 @@ pub fn refuse_other_units(recording: &Recording, robot: &Robot) -> Result<()> {
         let or = unit.si().map(|si| format!(" or {}", q.name(k, si))).unwrap_or_default();
         q.name(k, unit) + &or
     };
-    Err(RecordError::Csv {
+    Err(RecordError::At {
         file: recording.name.clone(),
         place: format!("joint {}", k + 1),
         problem: format!(

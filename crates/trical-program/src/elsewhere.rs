@@ -34,38 +34,32 @@ pub trait Elsewhere {
     fn routine(&self, name: &str) -> Option<Outside>;
 
     /// The tool of this name, or what is wrong with it.
-    fn tool(&self, name: &str) -> Option<Result<ToolFrame, String>> {
-        let _ = name;
+    fn tool(&self, _name: &str) -> Option<Result<ToolFrame, String>> {
         None
     }
 
     /// Tool and frame that are set where other files call this routine (hashed), as far as they say.
-    fn called_with(&self, routine: u64) -> Option<Setup> {
-        let _ = routine;
+    fn called_with(&self, _routine: u64) -> Option<Setup> {
         None
     }
 
     /// Tool and frame of the motions of other files to data of this name (hashed) that a file has for all.
-    fn goes_to(&self, name: u64) -> Vec<Setup> {
-        let _ = name;
+    fn goes_to(&self, _name: u64) -> Vec<Setup> {
         Vec::new()
     }
 
     /// The file that gives other coordinates to data of this name (hashed) that a file has for all.
-    fn set_by(&self, name: u64) -> Option<String> {
-        let _ = name;
+    fn set_by(&self, _name: u64) -> Option<String> {
         None
     }
 
     /// Six numbers of data of this name (`XHOME`, `$ROBROOT`) that belong to all programs, by the names of the numbers.
-    fn values(&self, name: &[u8], fields: &[&[u8]; 6]) -> Option<[f64; 6]> {
-        let _ = (name, fields);
+    fn values(&self, _name: &[u8], _fields: &[&[u8]; 6]) -> Option<[f64; 6]> {
         None
     }
 
     /// The frame of this name, as [`Self::tool`].
-    fn frame(&self, name: &str) -> Option<Result<Pose, String>> {
-        let _ = name;
+    fn frame(&self, _name: &str) -> Option<Result<Pose, String>> {
         None
     }
 
@@ -76,14 +70,12 @@ pub trait Elsewhere {
     }
 
     /// Motions of other files to a target or an argument.
-    fn motions(&self, name: u64) -> Vec<Motion<'_>> {
-        let _ = name;
+    fn motions(&self, _name: u64) -> Vec<Motion<'_>> {
         Vec::new()
     }
 
     /// Which of a file's own routines other files call, and what these do around that.
-    fn around(&self, own: &HashSet<u64>) -> Option<(BTreeSet<u64>, Outside)> {
-        let _ = own;
+    fn around(&self, _own: &HashSet<u64>) -> Option<(BTreeSet<u64>, Outside)> {
         None
     }
 

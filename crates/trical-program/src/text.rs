@@ -85,6 +85,18 @@ pub fn is_one_of(word: &[u8], list: &[&[u8]]) -> bool {
     list.iter().any(|k| word.eq_ignore_ascii_case(k))
 }
 
+/// Whether a word stands in a list, in capitals or not.
+#[must_use]
+pub fn is_among(word: &[u8], list: &str) -> bool {
+    list.split_ascii_whitespace().any(|k| word.eq_ignore_ascii_case(k.as_bytes()))
+}
+
+/// As [`is_among`], where capitals matter.
+#[must_use]
+pub fn is_among_as_written(word: &[u8], list: &str) -> bool {
+    list.split_ascii_whitespace().any(|k| word == k.as_bytes())
+}
+
 /// Whether bytes have these in them.
 #[must_use]
 pub fn contains(bytes: &[u8], word: &[u8]) -> bool {

@@ -11,7 +11,7 @@ use crate::branch::Configuration;
 use crate::literal::Shape;
 use crate::names::{Names, Origin, Way};
 use crate::scan::{Fork, OWN_SETUP, Scan, Setup, Visit, changed_here, hashed};
-use crate::text::{Cursor, Span, lower};
+use crate::text::{Cursor, Span, is_among_as_written, lower};
 
 const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"W", b"P", b"R"];
 const JOINTS: [&[u8]; 9] = [b"J1", b"J2", b"J3", b"J4", b"J5", b"J6", b"J7", b"J8", b"J9"];
@@ -309,8 +309,7 @@ const DISPLACES: [&[u8]; 2] = [b"TRACK ", b"TOUCH OFFSET "];
 
 /// Whether a statement that begins with this word (in capitals) is one of the user's.
 fn is_macro(word: &[u8]) -> bool {
-    let known = |w: &[u8]| STATEMENTS.split_ascii_whitespace().any(|s| s.as_bytes() == w);
-    !word.is_empty() && !known(word)
+    !word.is_empty() && !is_among_as_written(word, STATEMENTS)
 }
 
 /// A statement with blanks in the place of what is only said: comments in brackets (`R[15:Trolley INC]`), the first motion group

@@ -23,7 +23,7 @@ use crate::flow::Flow;
 use crate::names::{Names, Origin, Way};
 use crate::reaching::Part;
 use crate::scan::{Fork, Scan, Setup, Visit, changed_here, hashed};
-use crate::text::{Cursor, Span, begins_line, is_one_of, lower, mentions};
+use crate::text::{Cursor, Span, begins_line, is_among, is_one_of, lower, mentions};
 use arguments::Routines;
 use data::Aggregate;
 use targets::Named;
@@ -44,38 +44,11 @@ const MOTIONS: [&[u8]; 7] = [b"PTP", b"LIN", b"CIRC", b"SPTP", b"SLIN", b"SCIRC"
 const FREE_MOTIONS: [&[u8]; 2] = [b"PTP", b"SPTP"];
 const RELATIVE: [&[u8]; 7] = [b"PTP_REL", b"LIN_REL", b"CIRC_REL", b"SPTP_REL", b"SLIN_REL", b"SCIRC_REL", b"SPL_REL"];
 /// Variables that say where the arm is, or where it was on its path.
-const HERE: [&[u8]; 13] = [
-    b"$POS_ACT",
-    b"$AXIS_ACT",
-    b"$POS_ACT_MES",
-    b"$AXIS_ACT_MES",
-    b"$AXIS_ACT_MEAS",
-    b"$POS_RET",
-    b"$AXIS_RET",
-    b"$POS_INT",
-    b"$AXIS_INT",
-    b"$POS_BACK",
-    b"$AXIS_BACK",
-    b"$POS_FOR",
-    b"$AXIS_FOR",
-];
+const HERE: &str = "$POS_ACT $AXIS_ACT $POS_ACT_MES $AXIS_ACT_MES $AXIS_ACT_MEAS $POS_RET $AXIS_RET $POS_INT \
+    $AXIS_INT $POS_BACK $AXIS_BACK $POS_FOR $AXIS_FOR";
 /// Statements of the language that look like calls.
-const BUILT_IN: [&[u8]; 14] = [
-    b"COPEN",
-    b"CCLOSE",
-    b"CREAD",
-    b"CWRITE",
-    b"CIOCTL",
-    b"SREAD",
-    b"SWRITE",
-    b"MBX_REC",
-    b"ERR_RAISE",
-    b"PULSE",
-    b"SET_CD_PARAMS",
-    b"RSI_ON",
-    b"RSI_MOVECORR",
-    b"ST_MOVESENS",
-];
+const BUILT_IN: &str = "COPEN CCLOSE CREAD CWRITE CIOCTL SREAD SWRITE MBX_REC ERR_RAISE PULSE SET_CD_PARAMS RSI_ON \
+    RSI_MOVECORR ST_MOVESENS";
 /// What moves the arm as a sensor says.
 const MOVES_BY_SENSOR: &str =
     "moves the arm as a sensor or another computer says while the program runs (RSI), which is not corrected";
@@ -126,7 +99,7 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
         (std::mem::take(&mut reader.flow), reader)
     };
     let mut reader = Flow::read(pass, |r| &mut r.scan, Some(elsewhere));
-    reader.scan.calls.retain(|call| !is_one_of(call.name.as_bytes(), &BUILT_IN));
+    reader.scan.calls.retain(|call| !is_among(call.name.as_bytes(), BUILT_IN));
     outside::note(bytes, &mut reader);
     let mut said: Vec<(u64, u32)> = std::mem::take(&mut reader.motion_data).into_values().collect();
     said.sort_unstable();
@@ -332,7 +305,7 @@ impl<'a> Reader<'a> {
             names.fork(Fork::Anywhere);
         } else {
             if let Some(is_statement) = flow.perhaps_called(word, c, now) {
-                names.called(hashed(word), is_statement && !is_one_of(word, &BUILT_IN));
+                names.called(hashed(word), is_statement && !is_among(word, BUILT_IN));
                 self.arguments(word);
             }
             return false;
@@ -423,7 +396,7 @@ impl<'a> Reader<'a> {
         } else if self.named.moved_to.contains(&self.key(word, from)) {
             let source = self.c.word();
             self.c.skip_blank();
-            let origin = if is_one_of(source, &HERE) {
+            let origin = if is_among(source, HERE) {
                 Origin::Here
             } else if source.is_empty() || matches!(self.c.peek(), b'(' | b'.') {
                 Origin::Computed(from as u32)
@@ -528,7 +501,7 @@ impl<'a> Reader<'a> {
             self.c.skip_line();
             return false;
         }
-        if is_one_of(word, &HERE) {
+        if is_among(word, HERE) {
             self.names.visit(Visit::Unknown);
         } else if part == Part::Whole && is_one_of(word, &HOMES) && self.is_of_all_programs(word) {
             self.goes_home(word, at);

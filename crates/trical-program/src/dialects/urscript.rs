@@ -22,64 +22,24 @@ use crate::literal::{Meant, Shape};
 use crate::names::{Names, Origin};
 use crate::scan::{Fork, Scan, Setup, Visit, hashed_as_written as hashed};
 use crate::scopes::Scopes;
-use crate::text::{Cursor, Span, mentions};
+use crate::text::{Cursor, Span, is_among_as_written, mentions};
 use targets::{constants, each_argument, next_argument, scopes, skip_name, targets, unsteady};
 
 const MOTIONS: [&[u8]; 8] = [b"movej", b"movel", b"movep", b"movec", b"servoj", b"servoc", b"optimovej", b"optimovel"];
 /// Functions that say where the arm is; with arguments, `get_forward_kin` says where it would be.
-const HERE: [&[u8]; 6] = [
-    b"get_actual_tcp_pose",
-    b"get_target_tcp_pose",
-    b"get_forward_kin",
-    b"get_actual_joint_positions",
-    b"get_target_joint_positions",
-    b"get_joint_positions",
-];
+const HERE: &str = "get_actual_tcp_pose get_target_tcp_pose get_forward_kin get_actual_joint_positions \
+    get_target_joint_positions get_joint_positions";
 /// From a place to joints and back: the place is the same, with the tool that is set.
 const KINEMATICS: [&[u8]; 2] = [b"get_inverse_kin", FORWARD];
 const FORWARD: &[u8] = b"get_forward_kin";
 /// Functions of the language whose values may stand in a place, beside those that begin as [`ASKS`].
-const VALUES: [&[u8]; 20] = [
-    b"acos",
-    b"asin",
-    b"atan",
-    b"atan2",
-    b"ceil",
-    b"cos",
-    b"d2r",
-    b"dot",
-    b"floor",
-    b"interpolate_pose",
-    b"inv",
-    b"length",
-    b"norm",
-    b"pow",
-    b"r2d",
-    b"random",
-    b"sin",
-    b"sqrt",
-    b"tan",
-    b"wrench_trans",
-];
+const VALUES: &str = "acos asin atan atan2 ceil cos d2r dot floor interpolate_pose inv length norm pow r2d random \
+    sin sqrt tan wrench_trans";
 const ASKS: [&[u8]; 7] = [b"get_", b"pose_", b"read_", b"is_", b"to_", b"rotvec2", b"rpy2"];
 /// Functions of the language that are given places and move nothing.
-const SHOW: [&[u8]; 15] = [
-    b"textmsg",
-    b"popup",
-    b"socket_send_string",
-    b"socket_send_line",
-    b"socket_send_int",
-    b"set_pos",
-    b"write_output_float_register",
-    b"write_output_integer_register",
-    b"write_output_boolean_register",
-    b"write_port_register",
-    b"modbus_set_output_register",
-    b"set_standard_analog_out",
-    b"set_gravity",
-    b"set_payload_cog",
-    b"sleep",
-];
+const SHOW: &str = "textmsg popup socket_send_string socket_send_line socket_send_int set_pos \
+    write_output_float_register write_output_integer_register write_output_boolean_register write_port_register \
+    modbus_set_output_register set_standard_analog_out set_gravity set_payload_cog sleep";
 /// Functions behind which motions end elsewhere than they say.
 const DISPLACES: [&[u8]; 4] = [b"track_conveyor_linear", b"track_conveyor_circular", b"path_offset_set", b"force_mode"];
 /// Functions that move the arm to where the script does not say, or let a person or a force do so.
@@ -272,7 +232,7 @@ impl<'a> Reader<'a> {
             _ => {
                 let name = hashed(word);
                 if let Some(is_statement) = flow.perhaps_called_as(name, word, c, now) {
-                    let is_given = is_statement && !SHOW.contains(&word) && self.is_given_place();
+                    let is_given = is_statement && !is_among_as_written(word, SHOW) && self.is_given_place();
                     self.given.extend(is_given.then_some((name, from)));
                     self.names.called(name, is_given);
                     if !self.scopes.parameters(name).is_empty() {
@@ -583,7 +543,9 @@ impl<'a> Reader<'a> {
     /// A place from here on is as far from a target as functions say; they are listed where nobody has read them.
     fn computed_by(&mut self) {
         let others = self.functions_ahead().into_iter().filter(|(_, word, _)| {
-            !VALUES.contains(word) && !HERE.contains(word) && !ASKS.iter().any(|begin| word.starts_with(begin))
+            !is_among_as_written(word, VALUES)
+                && !is_among_as_written(word, HERE)
+                && !ASKS.iter().any(|begin| word.starts_with(begin))
         });
         let others: Vec<_> = others
             .map(|(_, word, behind)| (behind.at - word.len(), String::from_utf8_lossy(word).into_owned()))

@@ -7,24 +7,11 @@ use super::{CURRENT, ELEMENTS, HERE, Reader, before_bracket};
 use crate::names::Origin;
 use crate::scan::{changed_here, hashed};
 use crate::scopes::Scopes;
-use crate::text::{Cursor, Span, is_one_of};
+use crate::text::{Cursor, Span, is_among, is_one_of};
 
 /// Of the language: they change none of what they are given.
-const CHANGE_NOTHING: [&[u8]; 13] = [
-    b"CWRITE",
-    b"SWRITE",
-    b"COPEN",
-    b"CCLOSE",
-    b"PULSE",
-    b"ERR_RAISE",
-    b"INVERSE",
-    b"FORWARD",
-    b"INV_POS",
-    b"ABS",
-    b"SQRT",
-    b"VARSTATE",
-    b"VARTYPE",
-];
+const CHANGE_NOTHING: &str = "CWRITE SWRITE COPEN CCLOSE PULSE ERR_RAISE INVERSE FORWARD INV_POS ABS SQRT VARSTATE \
+    VARTYPE";
 
 /// What the routines of a file have for themselves: their parameters, and which of these they only read, by their hashed names.
 #[derive(Default)]
@@ -66,7 +53,7 @@ pub(super) fn routines(bytes: &[u8]) -> Routines {
 impl Reader<'_> {
     /// Behind the name of a routine that is called: targets, bases and tools that it may change. The cursor stays.
     pub(super) fn arguments(&mut self, routine: &[u8]) {
-        if is_one_of(routine, &CHANGE_NOTHING) {
+        if is_among(routine, CHANGE_NOTHING) {
             return;
         }
         let only_read = self.routines.only_read.get(&hashed(routine));
@@ -126,7 +113,7 @@ impl Reader<'_> {
         skip_index(&mut self.c);
         let is_whole = !word.is_empty() && matches!(self.c.peek(), b',' | b')');
         let origin = match is_whole {
-            true if is_one_of(word, &HERE) => Origin::Here,
+            true if is_among(word, HERE) => Origin::Here,
             true => Origin::Name { name: self.key(word, start.at), at },
             false => Origin::Computed(call as u32),
         };

@@ -10,7 +10,7 @@ use crate::frames::AT;
 use crate::names::{Origin, Way};
 use crate::reaching::Part;
 use crate::scan::{Setup, Visit};
-use crate::text::{Span, lower, mentions};
+use crate::text::{Span, is_among_as_written, lower, mentions};
 
 impl Reader<'_> {
     /// A place that is set to `get_inverse_kin(p[...])`, `pose_trans(plane,p[...])`, `pose_trans(plane,other)` or to
@@ -155,7 +155,7 @@ impl Reader<'_> {
         }
         match word {
             b"pose_trans" | b"pose_add" => self.origin(depth + 1),
-            _ => HERE.contains(&word).then_some(None),
+            _ => is_among_as_written(word, HERE).then_some(None),
         }
     }
 
@@ -244,7 +244,7 @@ impl Reader<'_> {
             self.related(at, frame, word == b"pose_trans", depth);
         } else {
             self.names.visit(Visit::Unknown);
-            if is_kinematics || !HERE.contains(&word) {
+            if is_kinematics || !is_among_as_written(word, HERE) {
                 self.scan.goes_to_calculated(at);
             }
         }

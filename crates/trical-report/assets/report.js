@@ -49,8 +49,7 @@
         } },
       },
       axes: [
-        { label: plot.x, stroke: "#47566a", grid: { stroke: "#eceff3" }, values: ticks, incrs: plot.whole ? steps : undefined,
-          splits: plot.ticks.length ? () => plot.ticks : undefined },
+        { label: plot.x, stroke: "#47566a", grid: { stroke: "#eceff3" }, values: ticks, incrs: plot.whole ? steps : undefined },
         { label: plot.y, stroke: "#47566a", grid: { stroke: "#eceff3" }, size: room, values: ticks },
       ],
       // points have no line, whose colour the legend would take

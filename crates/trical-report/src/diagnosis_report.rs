@@ -13,7 +13,7 @@ use crate::error::Result;
 use crate::evidence::{Errors, half_width, joints_used, parameters, rejected, residuals, row, six};
 use crate::finding_figures;
 use crate::page::{self, Figure, Made, Section, error_table};
-use crate::plots::{self, AFTER, BEFORE, LAST_MOVE, Series};
+use crate::plots::{self, AFTER, BEFORE, Series};
 use crate::table;
 use crate::verdict_told;
 
@@ -179,22 +179,21 @@ fn seen(f: &Finding, d: &Diagnosis) -> Result<Seen> {
 
 /// The variable that reveals a finding, at every observation; `None` where only what it does itself tells.
 fn revealing(f: &Finding, d: &Diagnosis) -> Option<(String, Vec<f64>)> {
-    let term = d.model.terms.iter().find(|t| f.coefficients.iter().any(|c| c.name == t.name))?;
+    let own = || d.model.terms.iter().filter(|t| f.coefficients.iter().any(|c| c.name == t.name));
+    // of waves, the one that is largest
+    let size = |t: &Term| {
+        let same = own().filter(|o| o.basis.of == t.basis.of && o.basis.shape.cycles() == t.basis.shape.cycles());
+        t.basis.shape.cycles().map_or(0.0, |_| same.map(|o| o.value).fold(0.0, f64::hypot))
+    };
+    let term = own().reduce(|a, b| if size(b) > size(a) { b } else { a })?;
     if term.site == Site::AllJoints {
         return None;
     }
     let o = &d.data.observations;
     let of = |value: &dyn Fn(&State) -> f64| o.iter().map(|o| value(&o.state)).collect::<Vec<f64>>();
     if let Some(joint) = term.basis.sense {
-        // scattered a little, so that points do not hide each other
-        let spread = |k: usize| (k * 37 % 100) as f64 / 400.0 - 0.125;
-        let sense = |(k, o): (usize, &trical_ident::Observation)| {
-            o.state.dir.map_or(0.0, |d| f64::from(d[joint - 1])) + spread(k)
-        };
-        return Some((
-            format!("{LAST_MOVE} of joint {joint}: -1 down, 1 up"),
-            o.iter().enumerate().map(sense).collect(),
-        ));
+        let sense = of(&|s| s.dir.map_or(0.0, |d| f64::from(d[joint - 1])));
+        return Some((format!("last move of joint {joint}: -1 down, 1 up"), sense));
     }
     match (term.basis.of, term.basis.shape) {
         (Variable::Joint { joint }, Shape::Sine { cycles } | Shape::Cosine { cycles }) if cycles > 6.5 => {
@@ -349,14 +348,10 @@ pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<S
         Series { name: "with it", color: AFTER, points: points(&after) },
     ];
     let mut figures = finding_figures::figures(f, d)?;
-    let spread =
-        if label.starts_with(LAST_MOVE) { " Points are spread sideways, so that they can be seen." } else { "" };
     figures.push(Figure::new(
-        format!(
-            "Each point is one measurement: its error along the direction in which this effect acts, \
-                 with this effect, and without it, everything else fitted anew.{spread}"
-        ),
-        plots::scatter(&label, error, false, false, &series)?,
+        "Each faint point is one measurement: its error along the direction in which this effect acts, with this effect, and without \
+         it, everything else fitted anew. Strong points are means over parts of the axis, with their 95 % intervals.",
+        plots::compared(&label, error, &series)?,
     ));
     Ok(section.with_figures(figures))
 }

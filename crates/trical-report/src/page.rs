@@ -23,7 +23,10 @@ pub struct Figure {
 impl Figure {
     /// A picture with its caption.
     pub fn new(caption: impl Into<String>, svg: String) -> Self {
-        Self { caption: caption.into(), svg }
+        let caption = caption.into();
+        // for those who have the page read to them
+        let named = format!("<svg role=\"img\" aria-label=\"{}\" ", HtmlEscape(&caption));
+        Self { svg: svg.replace("<svg ", &named), caption }
     }
 }
 
@@ -294,6 +297,12 @@ mod tests {
         let (plot, turned) = (page(&format!("{}</div>", plots::LIVE)), page(&format!("{}</div>", turn::OPEN)));
         assert!(!plain.contains("uPlot") && plot.contains("uPlot") && !turned.contains("uPlot"));
         assert!(turned.len() > plain.len() + 1000);
+    }
+
+    #[test]
+    fn a_picture_has_its_caption_for_those_who_do_not_see_it() {
+        let figure = Figure::new("a < b", "<svg class=\"chart\"></svg>".into());
+        assert_eq!(figure.svg, "<svg role=\"img\" aria-label=\"a &lt; b\" class=\"chart\"></svg>");
     }
 
     #[test]

@@ -112,14 +112,6 @@ fn framed<'a, 's>(area: &'a Area<'s>) -> ChartBuilder<'a, 'a, SVGBackend<'s>> {
     chart
 }
 
-/// How the label of an axis begins that has a sense of motion: only -1 and 1 are labelled, between them is nothing.
-pub const LAST_MOVE: &str = "last move";
-
-/// -1 and 1, as [`tick`] has them.
-fn sense(v: &f64) -> String {
-    if (v.abs() - 1.0).abs() < 1e-6 { tick(v) } else { String::new() }
-}
-
 /// So many ticks has x at most.
 const MOST_TICKS: usize = 8;
 
@@ -218,17 +210,21 @@ fn drawn(series: &[Series]) -> Vec<Vec<usize>> {
     }
 }
 
-/// The sentence that says how many points are drawn, where it is not all of them.
-fn not_all(series: &[Series], kept: &[Vec<usize>]) -> String {
+/// The sentence that says how many points are drawn, where it is not all of them; so many lie outside of the picture.
+fn not_all(series: &[Series], kept: &[Vec<usize>], outside: usize) -> String {
     let (all, drawn): (usize, usize) = if same_x(series) {
         (series.first().map_or(0, |s| s.points.len()), kept.first().map_or(0, Vec::len))
     } else {
         (series.iter().map(|s| s.points.len()).sum(), kept.iter().map(Vec::len).sum())
     };
-    if drawn == all {
-        return String::new();
+    let fewer = format!("{drawn} of {all} points are drawn; points close together are drawn once.");
+    let beyond = format!("{outside} point{} outside of the picture.", if outside == 1 { " lies" } else { "s lie" });
+    match (drawn < all, outside > 0) {
+        (false, false) => String::new(),
+        (true, false) => format!("<p class=\"fewer\">{fewer}</p>"),
+        (false, true) => format!("<p class=\"fewer\">{beyond}</p>"),
+        (true, true) => format!("<p class=\"fewer\">{fewer} {beyond}</p>"),
     }
-    format!("<p class=\"fewer\">{drawn} of {all} points are drawn; points close together are drawn once.</p>")
 }
 
 /// Whether all series have the same x, point by point.
@@ -255,7 +251,7 @@ pub fn scatter_named(
 ) -> Result<String> {
     let kept = if curves { Vec::new() } else { drawn(series) };
     let fewer: Vec<Series> = kept.iter().zip(series).map(|(k, s)| s.only(k)).collect();
-    let fewer_told = if curves { String::new() } else { not_all(series, &kept) };
+    let fewer_told = if curves { String::new() } else { not_all(series, &kept, 0) };
     let series = if curves { series } else { &fewer };
     let own: Vec<String> = kept.first().into_iter().flatten().filter_map(|k| names.get(*k).cloned()).collect();
     let picture = still(x_label, y_label, from_zero, curves, series)?;
@@ -263,7 +259,6 @@ pub fn scatter_named(
     let legend: Vec<_> = series.iter().map(|s| serde_json::json!({ "name": s.name, "color": hex(s.color) })).collect();
     let data = serde_json::json!({
         "x": x_label, "y": y_label, "zero": from_zero, "joined": curves, "points": !curves || few(series), "whole": whole(series),
-        "ticks": if x_label.starts_with(LAST_MOVE) { &[-1, 1][..] } else { &[] },
         "series": legend, "data": values.0, "rows": values.1,
     });
     // nothing in it may end the script
@@ -331,16 +326,13 @@ fn still(x_label: &str, y_label: &str, from_zero: bool, curves: bool, series: &[
         let mut chart = framed(root).margin_top(26).build_cartesian_2d(x, y)?;
         axes(&mut chart, x_label, y_label, |mesh| {
             mesh.x_labels(ticks(series));
-            if x_label.starts_with(LAST_MOVE) {
-                mesh.x_label_formatter(&sense);
-            }
         })?;
         for s in series {
             if curves {
                 chart.draw_series(LineSeries::new(s.points.iter().copied(), s.color.stroke_width(2)))?;
             }
             if !curves || few(series) {
-                dots += &points(&chart, s);
+                dots += &points(&chart, s, STRONG);
             }
         }
         Ok(())
@@ -349,15 +341,19 @@ fn still(x_label: &str, y_label: &str, from_zero: bool, curves: bool, series: &[
     Ok(with_more(&svg, &(dots + &legend(&keys))))
 }
 
+/// How much of what is behind them hide points, and where means are drawn over them.
+const STRONG: f64 = 0.65;
+const FAINT: f64 = 0.22;
+
 /// All points of a series as one path: a tenth of the size of a circle each.
-fn points(chart: &Chart<'_, '_>, s: &Series) -> String {
+fn points(chart: &Chart<'_, '_>, s: &Series, opacity: f64) -> String {
     let mut path = String::new();
     for p in s.points.iter().filter(|p| p.0.is_finite() && p.1.is_finite()) {
         let (x, y) = chart.backend_coord(p);
         let _ = write!(path, "M{x} {y}h0");
     }
     format!(
-        "<path d=\"{path}\" stroke=\"{}\" stroke-opacity=\"0.65\" stroke-width=\"6\" stroke-linecap=\"round\" fill=\"none\"/>",
+        "<path d=\"{path}\" stroke=\"{}\" stroke-opacity=\"{opacity}\" stroke-width=\"6\" stroke-linecap=\"round\" fill=\"none\"/>",
         hex(s.color)
     )
 }
@@ -368,7 +364,7 @@ fn legend(keys: &[(&str, RGBColor)]) -> String {
         return String::new();
     }
     let mut out = String::new();
-    let mut x = 80;
+    let mut x = 24;
     for (name, color) in keys {
         let _ = write!(
             out,
@@ -378,7 +374,7 @@ fn legend(keys: &[(&str, RGBColor)]) -> String {
             hex(*color),
             x + 9
         );
-        x += 32 + 7 * name.len();
+        x += 30 + 8 * name.len();
     }
     out
 }
@@ -388,30 +384,41 @@ fn with_more(svg: &str, more: &str) -> String {
     svg.rfind("</svg>").map_or_else(|| svg.to_owned(), |end| format!("{}{more}{}", &svg[..end], &svg[end..]))
 }
 
+/// What an axis shows of so many values: all but the few that are far off, and what it has to show besides.
+fn usual(values: impl Iterator<Item = f64>, also: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
+    let mut sorted: Vec<f64> = values.filter(|v| v.is_finite()).collect();
+    sorted.sort_by(f64::total_cmp);
+    let few = sorted.len() * 3 / 200;
+    let ends = [sorted.get(few), sorted.get(sorted.len().saturating_sub(1 + few))].into_iter().flatten().copied();
+    range(ends.chain(also), false)
+}
+
+/// Points within a picture, behind what is drawn with them; what is told below of those that are not.
+fn crowd(chart: &Chart<'_, '_>, all: &[Series], height: &std::ops::Range<f64>, opacity: f64) -> (String, String) {
+    let inside = |p: &&(f64, f64)| height.contains(&p.1);
+    let (mut dots, mut outside) = (String::new(), 0);
+    let kept = drawn(all);
+    for (s, kept) in all.iter().zip(&kept) {
+        let few = s.only(kept);
+        dots += &points(chart, &Series { points: few.points.iter().filter(inside).copied().collect(), ..few }, opacity);
+        outside += s.points.iter().filter(|p| !inside(p)).count();
+    }
+    (dots, not_all(all, &kept, outside))
+}
+
 /// A fitted curve with its band over the data that it was fitted to.
 pub fn curve_over_data(x_label: &str, y_label: &str, data: &[Series], curve: &Band) -> Result<String> {
-    let kept = drawn(data);
-    let fewer_told = not_all(data, &kept);
-    let data: Vec<Series> = kept.iter().zip(data).map(|(k, s)| s.only(k)).collect();
-    let x = data.iter().flat_map(|s| &s.points).map(|p| p.0).chain(curve.points.iter().map(|p| p.0));
+    let all = || data.iter().flat_map(|s| &s.points);
+    let x = range(all().map(|p| p.0).chain(curve.points.iter().map(|p| p.0)), false);
     // single points far off must not make the curve flat
-    let high = curve.points.iter().map(|p| p.3.abs().max(p.2.abs())).fold(0.0, f64::max);
-    let mut size: Vec<f64> = data.iter().flat_map(|s| &s.points).map(|p| p.1.abs()).collect();
-    size.sort_by(f64::total_cmp);
-    let usual = size.get(size.len() * 97 / 100).copied().unwrap_or(0.0);
-    let top = up_to_tick((1.15 * high).max(usual).max(1e-12));
-    let mut dots = String::new();
+    let y = usual(all().map(|p| p.1), curve.points.iter().flat_map(|p| [p.2, p.3]));
+    let (mut dots, mut told) = Default::default();
     let svg = draw((480, 300), |root| {
-        let mut chart = framed(root)
-            .margin_top(26)
-            .build_cartesian_2d(range(x.collect::<Vec<_>>().into_iter(), false), -top..top)?;
+        let mut chart = framed(root).margin_top(26).build_cartesian_2d(x, y.clone())?;
         axes(&mut chart, x_label, y_label, |mesh| {
-            mesh.x_labels(ticks(&data));
+            mesh.x_labels(ticks(data));
         })?;
-        for s in &data {
-            let inside = s.points.iter().filter(|p| p.1.abs() <= top).copied().collect();
-            dots += &points(&chart, &Series { points: inside, ..*s });
-        }
+        (dots, told) = crowd(&chart, data, &y, STRONG);
         chart.draw_series(std::iter::once(Polygon::new(curve.outline(), curve.color.mix(0.25))))?;
         chart.draw_series(LineSeries::new(curve.line(), curve.color.stroke_width(2)))?;
         Ok(())
@@ -420,7 +427,68 @@ pub fn curve_over_data(x_label: &str, y_label: &str, data: &[Series], curve: &Ba
     keys.push((&curve.name, curve.color));
     // points behind the curve
     let at = svg.find("<polygon").unwrap_or(svg.len());
-    Ok(with_more(&format!("{}{dots}{}", &svg[..at], &svg[at..]), &legend(&keys)) + &fewer_told)
+    Ok(with_more(&format!("{}{dots}{}", &svg[..at], &svg[at..]), &legend(&keys)) + &told)
+}
+
+/// So many parts of an axis have a mean each, of so many points at least.
+const PARTS: usize = 16;
+const FEW_OF_A_PART: usize = 3;
+
+/// Means of points in parts of x: x, mean, and half of its 95 % interval. Where x has few values only, each of them is a part.
+fn means(points: &[(f64, f64)]) -> Vec<(f64, f64, f64)> {
+    let (low, high) = span(points.iter().map(|p| p.0));
+    let mut values: Vec<f64> = points.iter().map(|p| p.0).collect();
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    let part = |x: f64| match values.iter().take(PARTS + 1).position(|v| *v == x) {
+        Some(k) if values.len() <= PARTS => k,
+        _ => ((x - low) / (high - low) * PARTS as f64).min(PARTS as f64 - 1.0) as usize,
+    };
+    let mut parts: Vec<Vec<(f64, f64)>> = vec![Vec::new(); PARTS];
+    points.iter().filter(|p| p.0.is_finite() && p.1.is_finite()).for_each(|p| parts[part(p.0)].push(*p));
+    let of = |p: &Vec<(f64, f64)>| {
+        let n = p.len() as f64;
+        let [x, y] = [p.iter().map(|p| p.0).sum::<f64>() / n, p.iter().map(|p| p.1).sum::<f64>() / n];
+        let variance = p.iter().map(|p| (p.1 - y).powi(2)).sum::<f64>() / (n - 1.0);
+        (x, y, 1.96 * (variance / n).sqrt())
+    };
+    parts.iter().filter(|p| p.len() >= FEW_OF_A_PART).map(of).collect()
+}
+
+/// Series over the same x, such as errors without and with an effect: single points faint, over them their means in parts of x.
+pub fn compared(x_label: &str, y_label: &str, series: &[Series]) -> Result<String> {
+    let each: Vec<Vec<(f64, f64, f64)>> = series.iter().map(|s| means(&s.points)).collect();
+    let all = || series.iter().flat_map(|s| &s.points);
+    let x = range(all().map(|p| p.0), false);
+    let y = usual(all().map(|p| p.1), each.iter().flatten().flat_map(|m| [m.1 - m.2, m.1 + m.2]));
+    let (mut dots, mut told) = Default::default();
+    let mut over = String::new();
+    let svg = draw((480, 300), |root| {
+        let mut chart = framed(root).margin_top(26).build_cartesian_2d(x, y.clone())?;
+        axes(&mut chart, x_label, y_label, |mesh| {
+            mesh.x_labels(ticks(series));
+        })?;
+        (dots, told) = crowd(&chart, series, &y, FAINT);
+        for (s, means) in series.iter().zip(&each) {
+            let (mut line, mut bars, mut marks) = (String::new(), String::new(), String::new());
+            for (k, (x, mean, half)) in means.iter().enumerate() {
+                let at = |y: f64| chart.backend_coord(&(*x, y));
+                let ((x, y), (_, foot), (_, top)) = (at(*mean), at(mean - half), at(mean + half));
+                let _ = write!(line, "{}{x} {y}", if k == 0 { 'M' } else { 'L' });
+                let _ = write!(bars, "M{x} {foot}V{top}");
+                let _ = write!(marks, "M{x} {y}h0");
+            }
+            let _ = write!(
+                over,
+                "<g stroke=\"{}\" fill=\"none\"><path d=\"{line}\"/><path d=\"{bars}\" stroke-width=\"2.5\"/>\
+                 <path d=\"{marks}\" stroke-width=\"7\" stroke-linecap=\"round\"/></g>",
+                hex(s.color)
+            );
+        }
+        Ok(())
+    })?;
+    let keys: Vec<(&str, RGBColor)> = series.iter().map(|s| (s.name, s.color)).collect();
+    Ok(with_more(&svg, &(dots + &over + &legend(&keys))) + &told)
 }
 
 /// A spectrum: amplitude of each whole number of cycles a turn; `marks` are those that were named.

@@ -195,3 +195,36 @@ fn sessions_have_whole_numbers_and_few_of_them_a_mark_each() {
     }
     assert!(!of(40).contains("h0") && of(40).contains("\"points\":false"));
 }
+
+#[test]
+fn what_is_compared_has_its_means_over_parts_of_the_axis() {
+    let wave = |k: u32| {
+        let x = f64::from(k % 360);
+        (x, x.to_radians().sin() + if (k / 360).is_multiple_of(2) { 5.0 } else { -5.0 })
+    };
+    // every angle twenty times, with as much above as below
+    let points: Vec<(f64, f64)> = (0..7200).map(|k| wave(k * 7)).collect();
+    let found = means(&points);
+    assert_eq!(found.len(), PARTS);
+    for (x, y, half) in found {
+        assert!(
+            (y - x.to_radians().sin()).abs() < 0.1 && (half - 1.96 * 5.0 / 450_f64.sqrt()).abs() < 0.01,
+            "{x}: {y} +- {half}"
+        );
+    }
+    // a sense of motion has two values, and each its mean
+    let senses = means(&[(-1.0, 1.0), (1.0, 4.0), (-1.0, 3.0), (1.0, 6.0), (-1.0, 2.0), (1.0, 5.0), (0.0, 9.0)]);
+    assert_eq!(senses.iter().map(|m| (m.0, m.1)).collect::<Vec<_>>(), [(-1.0, 2.0), (1.0, 5.0)]);
+}
+
+#[test]
+fn points_outside_of_a_picture_are_counted() {
+    let mut points: Vec<(f64, f64)> = (0..300).map(|k| (f64::from(k), f64::from(k % 7))).collect();
+    points[40].1 = 900.0;
+    let band =
+        || Band { name: "fitted".into(), color: BEFORE, points: vec![(0.0, 1.0, 0.5, 1.5), (299.0, 2.0, 1.5, 2.5)] };
+    let html = curve_over_data("x", "y", &[series(&points)], &band()).unwrap();
+    assert!(html.contains(">1 point lies outside of the picture.<"), "{html}");
+    points[40].1 = 3.0;
+    assert!(!curve_over_data("x", "y", &[series(&points)], &band()).unwrap().contains("outside"));
+}

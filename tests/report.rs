@@ -227,7 +227,7 @@ fn identification_and_validation_are_reported_to_the_person_who_signs() {
 
     let json = place.json(&[&identify[..], &["--cross-validate", "5"]].concat());
     let html = text_of(&place.path("i.html"));
-    let folds = html.split("poses not in the fit, by block of poses, 5 folds").nth(1).unwrap();
+    let folds = html.split("poses that the fit did not see, by block of poses, 5 folds").nth(1).unwrap();
     let row = folds.split("</tr>").next().unwrap();
     assert!(row.contains(&mm(&json["cross_validation"]["mean_mm"])), "{row}");
     // the map of errors has the numbers of the export

@@ -47,7 +47,7 @@ class Identified(Certified):
 
     `parameters` is a list of dicts with name, site, value, unit, sd, nominal; `errors` are position errors at the data
     (mean_mm, max_mm, sd_mm, median_mm, rms_mm), `before` those of the nominal arm with only measuring frame (or base)
-    and tool identified; `cross_validation` those of poses that were not in the fit, `forward_in_time` those of the last
+    and tool identified; `cross_validation` those of poses that the fit did not see, `forward_in_time` those of the last
     poses by a fit to the ones before, where they were asked for. `held_out` has the errors at poses that the fit did
     not see: by_pose, by_block (of neighbouring poses), forward (in time), by_session; `sessions` what each of several
     recordings has of its own. `errors_mm` (observations, 2) has them one by one, before and after (None for files that
@@ -86,7 +86,7 @@ class Identified(Certified):
         return [
             ("nominal arm", self.before),
             ("identified", self.errors),
-            ("poses not in the fit", self.cross_validation),
+            ("poses that the fit did not see", self.cross_validation),
             ("later, by a fit to those before", self.forward_in_time),
             *((f"held out {how.replace('_', ' ')}", e) for how, e in self.held_out.items()),
         ]
@@ -265,7 +265,8 @@ class Diagnosis(Reported):
             sure = (
                 "" if r["confidence"] is None else " to ".join(dict.fromkeys(f"{100 * p:.0f}" for p in r["confidence"]))
             )
-            claim = ", ".join(filter(None, (r["text"], r["perhaps"])))
+            perhaps = r["perhaps"] or ""
+            claim = r["text"] + (f" ({perhaps})" if perhaps.startswith("if not") else perhaps and f", {perhaps}")
             rows.append([claim, sure and f"{sure} %", float(r["before_mm"]), float(r["after_mm"]), r["action"] or ""])
         head = "error at poses that the fit did not see, mm rms"
         return _html.table(columns, rows, head) + "".join(map(_html.note, self.answer["cautions"]))

@@ -133,7 +133,7 @@ def test_results_are_readable(
     v = trical.validate(fitted.model, touches)
     o = trical.observability(touches, **FILES)
     for result, words in [
-        (fitted, ["nominal arm", "poses not in the fit", "parameters from 90"]),
+        (fitted, ["nominal arm", "poses that the fit did not see", "parameters from 90"]),
         (v, ["after: the model", "90 measurements"]),
         (diagnosis, ["Backlash or friction wind-up at joint 2", "poses that the fit did not see"]),
         (plan, ["90 touches of 3 balls", "expected in the sphere"]),

@@ -147,7 +147,7 @@ pub struct VerdictRow {
     pub kind: RowKind,
     /// The claim, at the finest level that is more likely right than not.
     pub text: String,
-    /// What it may be in particular, or instead: "perhaps" a name that is less sure, "or" the strongest rival.
+    /// What it may be in particular, or instead: "perhaps" a name that is less sure, "if not" the strongest rival.
     pub perhaps: Option<String>,
     /// The lowest and the highest probability of what the row says; `None` where it claims nothing.
     pub confidence: Option<[f64; 2]>,

@@ -5,8 +5,8 @@ use trical_model::{Place, Robot};
 use crate::diagnosis::{Finding, RowKind, Unexplained, Verdict, VerdictRow};
 use crate::effect_id::{EffectId, UNEXPLAINED};
 use crate::effects::Family;
+pub use crate::words::{coefficient, region, small, variable};
 use crate::words::{numbered, percents, period, variables};
-pub use crate::words::{region, small, variable};
 pub use trical_ident::compare::capital;
 
 /// From here on a claim is said as a fact.
@@ -23,6 +23,9 @@ const LEAST_TOLD: f64 = 0.1;
 
 /// A claim that lowers the error at unseen poses by a smaller part of it has no row of its own.
 const LEAST_STEP: f64 = 0.01;
+
+/// How it begins what a claim is if it is not what it says.
+pub const IF_NOT: &str = "if not, ";
 
 /// From here on a name is sure.
 const SURE: f64 = 0.9;
@@ -182,14 +185,16 @@ pub fn summary(f: &Finding) -> String {
     let text = claim(f, &[f.site], f.session.as_slice());
     let perhaps = less_sure(&[f]).map_or_else(String::new, |p| format!(", {p}"));
     let [before, after] = [f.evidence.holdout_rms_before_mm, f.evidence.holdout_rms_after_mm];
+    // two digits of the smaller one
+    let decimals = (1.0 - before.min(after).max(1e-9).log10().floor()).clamp(3.0, 5.0) as usize;
     let gain = if after > before {
         // what pays is judged by how well each block can be predicted, the rms by the worst of them
-        "with it in the model most unseen blocks of poses are predicted better, but over all of them the error"
+        "with it in the model most blocks of poses that the fit did not see are predicted better, but over all of them the error"
     } else {
-        "with it in the model the error at unseen poses"
+        "with it in the model the error at poses that the fit did not see"
     };
     format!(
-        "{} ({}){perhaps}: {gain} goes from {before:.3} to {after:.3} mm rms.",
+        "{} ({}){perhaps}: {gain} goes from {before:.decimals$} to {after:.decimals$} mm rms.",
         capital(&text),
         percents([level(f).1; 2])
     )
@@ -368,14 +373,16 @@ fn row_of(findings: &[Finding], first: usize, step: &Step, [before_mm, after_mm]
     let elsewhere: Vec<String> = told
         .iter()
         .filter(|r| r.effect == f.effect && step.places.len() == 1)
-        .map(|r| format!("or{}", at(&[r.site], "")))
+        .map(|r| at(&[r.site], "").trim_start().to_owned())
         .collect();
-    let instead = || (!elsewhere.is_empty()).then(|| elsewhere.join(" "));
+    let instead = || (!elsewhere.is_empty()).then(|| format!("{IF_NOT}{}", elsewhere.join(" or ")));
     let rival = told.iter().find(|r| r.effect != f.effect && said_at == Level::Effect);
     VerdictRow {
         kind: RowKind::Finding,
         text: capital(&claim(f, &step.places, &step.sessions)),
-        perhaps: less_sure(&all).or_else(instead).or_else(|| rival.map(|r| format!("or {}", r.effect.effect().title))),
+        perhaps: less_sure(&all)
+            .or_else(instead)
+            .or_else(|| rival.map(|r| format!("{IF_NOT}{}", r.effect.effect().title))),
         confidence: step.confidence,
         before_mm,
         after_mm,
@@ -454,7 +461,7 @@ fn rows(
     rows.extend(left.map(|u| {
         let place = at(&[u.site], "");
         let text = format!(
-            "Of what is left{place} {:.3} mm rms depend on {}{}",
+            "Of what is left, {:.3} mm rms{place} depend on {}{}",
             u.rms_mm,
             variable(&u.variable, given.robot),
             period(&u.region).1

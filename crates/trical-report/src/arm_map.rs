@@ -10,9 +10,17 @@ use crate::error::Result;
 use crate::picture::escaped;
 use crate::plots::span;
 
-/// Colours of lines, and of places where something was found.
+/// Colours of lines, and of places where something was found that explains little or much.
 const INK: &str = "#47566a";
-const RED: &str = "#c85c46";
+const PALE: [f64; 3] = [250.0, 238.0, 233.0];
+const RED: [f64; 3] = [200.0, 92.0, 70.0];
+
+/// The redder, the more of the error is explained there, of the most that any place explains.
+fn shade(share: f64, most: f64) -> (String, &'static str) {
+    let part = (share / most.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0).sqrt();
+    let mix = |k: usize| PALE[k] + (RED[k] - PALE[k]) * part;
+    (format!("rgb({:.0},{:.0},{:.0})", mix(0), mix(1), mix(2)), if part > 0.6 { "#fff" } else { INK })
+}
 
 /// Where the joints are drawn: at their origins, but where two fall together (a wrist) the first moves back along its link.
 fn places(d: &Diagnosis) -> Result<Vec<Vector3<f64>>> {
@@ -78,7 +86,14 @@ pub fn draw(d: &Diagnosis, headings: &[String]) -> Result<String> {
     let high = ((up - down) * scale + 90.0).ceil();
     let at = |p: &(f64, f64)| (60.0 + (p.0 - left) * scale, high - 50.0 - (p.1 - down) * scale);
     let dots: Vec<(f64, f64)> = flat.iter().map(at).collect();
-    let whole_arm = d.findings.iter().any(|f| matches!(f.site, Place::Links | Place::Joints));
+    let last = dots.len().saturating_sub(1);
+    // what those findings explain together that are at some place; none where there is no finding
+    let explained =
+        |at: &dyn Fn(&Place) -> bool| d.findings.iter().filter(|f| at(&f.site)).map(|f| f.share).reduce(|a, b| a + b);
+    let whole_arm = explained(&|site| matches!(site, Place::Links | Place::Joints));
+    let each: Vec<Option<f64>> = (0..dots.len()).map(|k| explained(&|site| dot_of(site, last) == Some(k))).collect();
+    let most = each.iter().chain([&whole_arm]).flatten().copied().fold(0.0, f64::max);
+    let shaded = |share: Option<f64>| share.map(|share| shade(share, most));
     let mut svg = format!(
         "<div class=\"arm\"><svg class=\"chart\" viewBox=\"0 0 {WIDE} {high}\" width=\"100%\" style=\"max-width:{WIDE}px\" xmlns=\"http://www.w3.org/2000/svg\" \
          font-family=\"sans-serif\" font-size=\"13\"><rect width=\"{WIDE}\" height=\"{high}\" fill=\"#fff\"/>"
@@ -89,12 +104,10 @@ pub fn draw(d: &Diagnosis, headings: &[String]) -> Result<String> {
         "<polyline points=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"9\" stroke-linejoin=\"round\" \
          stroke-linecap=\"round\"/>",
         list.join(" "),
-        if whole_arm { "#e3b5a8" } else { "#c9d3df" }
+        shaded(whole_arm).map_or_else(|| "#c9d3df".to_owned(), |(fill, _)| fill)
     );
-    let last = dots.len().saturating_sub(1);
     let mut names = String::new();
     for (k, (x, y)) in dots.iter().enumerate() {
-        let guilty = d.findings.iter().any(|f| dot_of(&f.site, last) == Some(k));
         // the ends have their names beneath, joints their numbers inside
         let joint = k.to_string();
         let (name, below) = if k == 0 {
@@ -105,11 +118,11 @@ pub fn draw(d: &Diagnosis, headings: &[String]) -> Result<String> {
         } else {
             (&*joint, 4.5)
         };
-        let (r, fill, ink) = match (k == 0 || k == last, guilty) {
-            (true, true) => (11.0, RED, INK),
-            (true, false) => (6.0, INK, INK),
-            (false, true) => (13.0, RED, "#fff"),
-            (false, false) => (10.0, "#fff", INK),
+        let (r, fill, ink) = match (k == 0 || k == last, shaded(each[k])) {
+            (true, Some((fill, _))) => (11.0, fill, INK),
+            (true, None) => (6.0, INK.to_owned(), INK),
+            (false, Some((fill, ink))) => (13.0, fill, ink),
+            (false, None) => (10.0, "#fff".to_owned(), INK),
         };
         let _ = write!(svg, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{r}\" fill=\"{fill}\" stroke=\"{INK}\"/>");
         let _ = write!(
@@ -135,6 +148,14 @@ pub fn draw(d: &Diagnosis, headings: &[String]) -> Result<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_explains_more_is_redder_and_numbers_stay_legible() {
+        let red = |share| shade(share, 0.8).0;
+        assert_eq!([red(0.0), red(0.2), red(0.8)], ["rgb(250,238,233)", "rgb(225,165,152)", "rgb(200,92,70)"]);
+        assert_eq!([0.0, 0.8].map(|share| shade(share, 0.8).1), [INK, "#fff"]);
+        assert_eq!(shade(0.0, 0.0).0, red(0.0));
+    }
 
     #[test]
     fn from_the_side_an_arm_reaches_to_the_right_whichever_way_it_points() {

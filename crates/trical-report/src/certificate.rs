@@ -101,7 +101,7 @@ fn instrument(data: &Dataset) -> String {
     let mut kinds: Vec<&str> = data.observations.iter().map(named).collect();
     kinds.sort_unstable();
     kinds.dedup();
-    format!("{}, no. {BY_HAND}", kinds.join(", "))
+    kinds.join(", ")
 }
 
 /// Which joint angles the numbers are about.
@@ -190,7 +190,8 @@ fn render(
     let fields: Vec<(&str, String)> = vec![
         ("Arm", robot.name.clone()),
         ("Serial number", BY_HAND.into()),
-        ("Instrument", instrument(after.data)),
+        ("Measured with", instrument(after.data)),
+        ("Number of the instrument", BY_HAND.into()),
         ("Date of measurement", BY_HAND.into()),
         ("Temperature", temperature(after.data)),
         ("Joint angles", how_joints(after.data).into()),
@@ -244,10 +245,10 @@ mod tests {
         assert_eq!(of("Measurements within 1 mm"), ["75.0 %", "100.0 %"]);
         assert_eq!(of("Worst measurement"), ["2.000 (line 2, ball 1)", "0.300 (line 4, ball 1)"]);
         assert_eq!(temperature(&data), "20.0 to 23.0 degC");
-        assert!(instrument(&data).starts_with("indicators touching precision balls, no. "));
+        assert_eq!(instrument(&data), "indicators touching precision balls");
         let mut sockets = data.clone();
         sockets.observations.iter_mut().for_each(|o| o.state.place = Some(0));
-        assert!(instrument(&sockets).starts_with("a ball in sockets, guided by hand, no. "));
+        assert_eq!(instrument(&sockets), "a ball in sockets, guided by hand");
     }
 
     #[test]
@@ -334,9 +335,6 @@ mod tests {
     fn what_nobody_measured_is_left_to_be_filled_in() {
         let length = Measured::Distance { anchor: 0, length: 1.0 };
         let data = data(&[vec![(pose(0), length), (pose(1), length)]]);
-        assert_eq!(
-            (temperature(&data).as_str(), instrument(&data).split_once(',').unwrap().0),
-            (BY_HAND, "lengths from fixed anchors")
-        );
+        assert_eq!((temperature(&data).as_str(), instrument(&data).as_str()), (BY_HAND, "lengths from fixed anchors"));
     }
 }

@@ -2,6 +2,7 @@
 //! seen.
 
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
+use trical_diagnose::effect_id::UNEXPLAINED;
 use trical_diagnose::{Diagnosis, Finding, Rival, RowKind, Unexplained, VerdictRow, verdict};
 use trical_ident::caution::listed;
 use trical_ident::model_file::Uncertainty;
@@ -10,7 +11,7 @@ use trical_model::{Basis, Forward, JointKind, Measured, Model, Place, Robot, Sha
 
 use crate::arm_map;
 use crate::error::Result;
-use crate::evidence::{Errors, half_width, joints_used, parameters, rejected, residuals, row, six};
+use crate::evidence::{Errors, half_width, joints_used, legend, parameters, rejected, residuals, row, six};
 use crate::finding_figures;
 use crate::page::{self, Figure, Made, Section, error_table};
 use crate::plots::{self, AFTER, BEFORE, Series};
@@ -61,7 +62,8 @@ fn first_of(names: impl Iterator<Item = String>, own: &str) -> String {
     let more = others.len().saturating_sub(RIVALS);
     others.truncate(RIVALS);
     others.extend((more > 0).then(|| format!("{more} more")));
-    listed(&others, "or")
+    // names have commas of their own
+    others.join("; ")
 }
 
 /// What the whole model does to the error (mm rms) at poses that the fit did not see; `modelled` says what it has.
@@ -90,13 +92,16 @@ fn modelled(told: &[&VerdictRow], findings: usize, curves: bool) -> String {
     listed(&said, "and")
 }
 
-/// What a search or a curve without a name does to the error (mm rms) at unseen poses.
-fn alone(how: &str, before: f64, after: f64) -> String {
+/// What a search or a curve without a name does to the error (mm rms) at poses that the fit did not see.
+fn alone(how: &str, [before, after]: [f64; 2], decimals: usize) -> String {
     if after < before {
-        return format!("{how} lowers the error at unseen poses from {before:.4} to {after:.4} mm rms.");
+        return format!(
+            "{how} lowers the error at poses that the fit did not see from {before:.decimals$} to {after:.decimals$} mm rms."
+        );
     }
     format!(
-        "{how} explains it here, but not at unseen poses: there the error is {after:.4} mm rms with it, {before:.4} without."
+        "{how} explains it here, but not at poses that the fit did not see: there the error is {after:.decimals$} mm rms with it, \
+         {before:.decimals$} without."
     )
 }
 
@@ -291,11 +296,11 @@ fn coefficients(f: &Finding, d: &Diagnosis) -> Vec<String> {
                 table::estimate(&name, factor * size, sd.map(|sd| factor * sd), unit)
             }
             _ if f.coefficients.len() == 1 => {
-                let name = a.name.trim_end_matches(|c: char| c == '_' || c.is_ascii_digit()).replace('_', " ");
+                let name = verdict::coefficient(&a.name);
                 let twice = if name.starts_with("half") { ", the whole is twice that" } else { "" };
                 table::estimate(&name, a.value, a.sd, &a.unit) + twice
             }
-            _ => table::estimate(&a.name.replace('_', " "), a.value, a.sd, &a.unit),
+            _ => table::estimate(&verdict::coefficient(&a.name), a.value, a.sd, &a.unit),
         });
     }
     told
@@ -358,13 +363,13 @@ pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<S
 
 /// The verdict as a table: error before and after each claim, the claim, how sure it is, what to do.
 fn verdict_table(d: &Diagnosis) -> Vec<Vec<String>> {
-    let (told, decimals) = verdict_told::told(d, d.verdict.rows.clone());
+    let (told, decimals) = verdict_told::page_rows(d);
     let mut rows = vec![row(["claim", "probability", "error before, mm", "after, mm", "what to do"])];
     rows.extend(told.iter().map(|r| {
         let of_model = matches!(r.kind, RowKind::Plain | RowKind::Whole);
         let number = |x: f64, shown: bool| if shown { format!("{x:.decimals$}") } else { String::new() };
         vec![
-            verdict_told::claim(r, ""),
+            verdict_told::claim(r, None),
             r.probability().unwrap_or_default(),
             number(r.before_mm, !of_model && r.kind != RowKind::Unexplained),
             number(r.after_mm, r.kind != RowKind::Unexplained),
@@ -384,7 +389,10 @@ pub fn verdict_section(d: &Diagnosis) -> Section {
         )]))
         .with_tables([verdict_table(d)]);
     section.after.extend(verdict_told::elsewhere(d).map(|e| format!("The whole model errs more {e}.")));
-    section.after.extend(verdict_told::cautions(d).iter().map(|c| format!("Caution: {c}")));
+    // the headline says that no cause is sure
+    let said = verdict_told::none_sure(d).map(table::ended);
+    let cautions = verdict_told::cautions(d).into_iter().filter(|c| said.as_ref() != Some(c));
+    section.after.extend(cautions.map(|c| format!("Caution: {c}")));
     section.after.extend(verdict_told::notes(d).iter().map(|n| format!("Note: {n}")));
     section
 }
@@ -406,9 +414,10 @@ fn chained(start: f64, mut steps: Vec<(String, f64, f64)>) -> Vec<(String, f64)>
 fn all_findings(d: &Diagnosis) -> Result<Section> {
     let mut section = Section::new("All findings");
     let mut rows = vec![row(["finding", "probability", "lambda", "error before, mm", "after, mm", "could also be"])];
+    let decimals = verdict_told::decimals(d);
     for (k, f) in d.findings.iter().enumerate() {
         let [before, after] = [f.evidence.holdout_rms_before_mm, f.evidence.holdout_rms_after_mm];
-        let [before, after] = [before, after].map(|mm| format!("{mm:.4}"));
+        let [before, after] = [before, after].map(|mm| format!("{mm:.decimals$}"));
         let after = if after == before { "unchanged".to_owned() } else { after };
         rows.push(vec![
             format!("{}. {}", k + 1, verdict::heading(f)),
@@ -430,8 +439,8 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
             .into(),
     );
     section.figures.push(Figure::new(
-        "The arm from the side at one of the measured poses. Places where something was found are red; numbers in \
-                  circles are joints.",
+        "The arm from the side at one of the measured poses. Places where something was found are red: the more of the error it explains, the redder. \
+         Numbers in circles are joints.",
         arm_map::draw(d, &d.findings.iter().take(SHOWN).map(verdict::heading).collect::<Vec<_>>())?,
     ));
     // findings and nameless curves, in the order in which they were added
@@ -453,7 +462,7 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
              their numbers{}.",
             if curves { " (curve: of no known cause)" } else { "" }
         ),
-        plots::staircase("error at unseen poses, mm rms", &stairs),
+        plots::staircase("mm rms at poses that the fit did not see", &stairs, decimals),
     ));
     Ok(section)
 }
@@ -487,6 +496,7 @@ fn by_sense(u: &Unexplained, robot: &Robot) -> String {
 
 /// The curves without a name that take most of the error, each with its picture.
 fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
+    let decimals = verdict_told::decimals(d);
     let taken = |u: &Unexplained| u.holdout_rms_after_mm.powi(2) - u.holdout_rms_before_mm.powi(2);
     let mut all: Vec<&Unexplained> = d.unexplained.iter().chain(&d.more_unexplained).collect();
     all.sort_by(|a, b| taken(a).total_cmp(&taken(b)));
@@ -514,7 +524,7 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
                 )]
             };
             let how = if u.curve.is_empty() { "A term of this form" } else { "A free curve" };
-            let lowers = alone(how, u.holdout_rms_before_mm, u.holdout_rms_after_mm);
+            let lowers = alone(how, [u.holdout_rms_before_mm, u.holdout_rms_after_mm], decimals);
             Ok(Section::new(format!("No known cause: {}", u.site))
                 .with_text([format!(
                     "{} {}{}. No known effect explains it. {lowers}",
@@ -535,7 +545,7 @@ fn nothing(d: &Diagnosis) -> bool {
 
 /// The first two claims, what to do first, and how far the error falls; or that nothing was found.
 fn summary(d: &Diagnosis) -> String {
-    let decimals = verdict_told::decimals(d, &d.verdict.rows);
+    let decimals = verdict_told::decimals(d);
     let errors = [d.baseline.holdout_rms_mm, d.after.holdout_rms_mm];
     if nothing(d) {
         return format!(
@@ -558,6 +568,45 @@ fn summary(d: &Diagnosis) -> String {
     said.extend(verdict_told::elsewhere(d).map(|e| format!("But it errs more {e}.")));
     said.join(" ")
 }
+
+/// Parameters of the arm and of what it was measured with, and those of each finding; curves without a name have too many.
+fn parameter_sections(d: &Diagnosis) -> [Section; 2] {
+    let of_finding = |t: &Term| d.findings.iter().position(|f| f.coefficients.iter().any(|c| c.name == t.name));
+    let known = || d.model.terms.iter().filter(|t| t.sd.is_some());
+    let nameless = |t: &Term| t.effect == UNEXPLAINED;
+    let own = || known().filter(|t| of_finding(t).is_none() && !nameless(t));
+    let told = |t: &Term| parameters(&d.model, std::iter::once(t), half_width(None), |_| String::new()).pop();
+    let mut rows = vec![row(["finding", "parameter", "identified", "95 % from", "to", "unit", "remark"])];
+    for (k, f) in d.findings.iter().enumerate() {
+        let heading = format!("{}. {}", k + 1, verdict::heading(f));
+        // nominal, the second, is none of it
+        let each = known().filter(|t| of_finding(t) == Some(k)).filter_map(told);
+        rows.extend(each.map(|cells| {
+            std::iter::once(heading.clone())
+                .chain(cells.into_iter().enumerate().filter(|c| c.0 != 1).map(|c| c.1))
+                .collect()
+        }));
+    }
+    let curves = known().filter(|t| nameless(t)).count();
+    let left_out = (curves > 0).then(|| {
+        format!("{} of curves of no known cause are in the model file only.", table::counted(curves, "parameter"))
+    });
+    let interval = "The 95 % interval of each (1.96 standard deviations to each side) holds if the model is complete.";
+    [
+        Section::new("Parameters")
+            .with_text(std::iter::once(interval.to_owned()).chain(legend(own())))
+            .with_tables([parameters(&d.model, own(), half_width(None), |_| String::new())])
+            .folded(true),
+        Section::new("Parameters of the findings")
+            .with_text(std::iter::once("By their names in the model file. Nominal is zero.".to_owned()).chain(left_out))
+            .with_tables((rows.len() > 1).then_some(rows))
+            .folded(true),
+    ]
+}
+
+/// Why `trical identify` tells other numbers.
+const OTHER_NUMBERS: &str = "`trical identify` may give other numbers for the same recordings: its model also has the twist of near-parallel axes and \
+    the scale of a rail, which are findings here, and each command rejects the rows that do not fit its own model.";
 
 /// Effects that would not be visible in this data.
 fn blind_to(d: &Diagnosis) -> Section {
@@ -589,7 +638,9 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
         |m: &Model| -> Result<Vec<f64>> { Ok(residuals(m, &d.data)?.iter().map(|r| r.norm() * 1e-3).collect()) };
     let (before, after) = (lengths(&d.before)?, lengths(&d.model)?);
     let was = format!("{} parameters", d.baseline.parameters);
-    let errors = Errors { model: &d.model, data: &d.data, was: &was, before: &before, after: &after };
+    // where nothing was found, before is after
+    let earlier = if nothing(d) { &[][..] } else { &before[..] };
+    let errors = Errors { model: &d.model, data: &d.data, was: &was, before: earlier, after: &after };
     let (heading, table) = if nothing(d) {
         ("Position error", error_table(&[(&was, &ErrorSummary::of(&before))]))
     } else {
@@ -603,7 +654,10 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
     let mut sections = vec![
         verdict_section(d),
         Section::new(heading)
-            .with_text(["At the poses of the fit; the error at poses that it did not see is in the verdict."])
+            .with_text([
+                "At the poses of the fit; the error at poses that it did not see is in the verdict.",
+                OTHER_NUMBERS,
+            ])
             .with_tables([table]),
     ];
     if !d.findings.is_empty() {
@@ -616,21 +670,16 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
     sections.push(errors.section()?.folded(true));
     sections.push(errors.by_joint()?.folded(true));
     sections.extend(errors.pictures()?);
-    let known = d.model.terms.iter().filter(|t| t.sd.is_some());
-    sections.push(
-        Section::new("Parameters")
-            .with_text([
-                "The 95 % interval of each (1.96 standard deviations to each side) holds if the model is complete.",
-            ])
-            .with_tables([parameters(&d.model, known, half_width(None), |_| String::new())])
-            .folded(true),
-    );
+    let [own, of_findings] = parameter_sections(d);
+    sections.push(own);
+    sections.extend(Some(of_findings).filter(|s| !s.tables.is_empty() || s.text.len() > 1));
     sections.push(blind_to(d));
     if !d.rejected.is_empty() {
         sections.push(rejected(&d.rejected, d.rejected.len()));
     }
     made.notes.push(joints_used(source));
-    page::render("TriCal: diagnosis", &summary(d), &sections, &made)
+    let title = page::title("Diagnosis", &d.model.robot.name, &d.data.names);
+    page::render(&title, &summary(d), &sections, &made)
 }
 
 #[cfg(test)]

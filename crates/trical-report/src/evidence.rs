@@ -1,6 +1,8 @@
 //! What the reports of identify and validate share: errors one by one, the arm with what was measured, rejected rows, parameters
 //! with intervals.
 
+use std::collections::BTreeSet;
+
 use nalgebra::{Vector3, Vector6};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use trical_ident::{Dataset, ErrorSummary, JointSource, Noise, Observation, Rejected, shown};
@@ -30,7 +32,7 @@ pub struct Errors<'a> {
     pub data: &'a Dataset,
     /// What came before it, "the nominal arm".
     pub was: &'a str,
-    /// The errors of that, m.
+    /// The errors of that, m; none where nothing came before.
     pub before: &'a [f64],
     /// Of the model, m.
     pub after: &'a [f64],
@@ -91,10 +93,10 @@ impl Errors<'_> {
     /// Errors against `x`, before and after.
     fn against(&self, label: &str, x: impl Fn(usize) -> f64) -> Result<String> {
         let points = |e: &[f64]| e.iter().enumerate().map(|(k, e)| (x(k), e * 1e3)).collect();
-        let series = [
-            Series { name: "before", color: BEFORE, points: points(self.before) },
-            Series { name: "after", color: AFTER, points: points(self.after) },
-        ];
+        let mut series = vec![Series { name: "after", color: AFTER, points: points(self.after) }];
+        if !self.before.is_empty() {
+            series.insert(0, Series { name: "before", color: BEFORE, points: points(self.before) });
+        }
         let names: Vec<String> = (0..self.after.len()).map(|k| self.name(k)).collect();
         plots::scatter_named(label, "position error, mm", true, false, &series, &names)
     }
@@ -121,6 +123,9 @@ impl Errors<'_> {
                 plots::histogram("position error, mm", &mm)?,
             ),
         ];
+        if self.before.is_empty() {
+            figures.remove(0);
+        }
         let residuals = residuals(self.model, self.data)?;
         let lengths_only = self.data.observations.iter().all(|o| matches!(o.measured, Measured::Distance { .. }));
         for (axis, name) in ["x", "y", "z"].into_iter().enumerate().take(if lengths_only { 1 } else { 3 }) {
@@ -196,8 +201,10 @@ impl Errors<'_> {
         let scene = Scene { model: &solids, touches: &arms, marks: &marks, shown: typical(&poses), sphere: None };
         let mut caption = format!(
             "The arm at one of the measured poses. Each dot is where the tool was at a measurement, blue for a small error after \
-             calibration to red for the largest ({:.3} mm); where several lie on each other, the largest is on top.",
-            largest * 1e3
+             calibration to red for the largest ({:.3} mm); where several lie on each other, {} is on top.",
+            largest * 1e3,
+            // touches all end at a ball
+            if touched.len() == o.len() { "as at each ball, the largest" } else { "the largest" }
         );
         if !arms.is_empty() {
             caption += " Thin lines are the arm at the touches, each in the colour of its ball.";
@@ -252,6 +259,24 @@ pub fn used(robot: &Robot, joint: usize, (low, high): (f64, f64)) -> Vec<String>
     vec![(joint + 1).to_string(), show(low), show(high), format!("{} to {}", show(limits[0]), show(limits[1]))]
 }
 
+/// Rejected rows that follow each other for one reason are told together: where they are, how many they are, and the first of them.
+pub fn rejected_together(named: &[Rejected]) -> Vec<(String, usize, &Rejected)> {
+    let follows = |a: &Rejected, b: &Rejected| {
+        let next = if a.line > 0 { a.line + 1 == b.line } else { a.row + 1 == b.row };
+        next && a.recording == b.recording && a.reason == b.reason
+    };
+    let place = |rows: &[Rejected], first: &Rejected| match rows.last() {
+        Some(last) if rows.len() > 1 && last.line > 0 => format!("lines {} to {}", first.line, last.line),
+        Some(last) if rows.len() > 1 => format!("rows {} to {}", first.row, last.row),
+        _ => line_or_row(first.line, first.row),
+    };
+    let each = named.chunk_by(follows).filter_map(|rows| rows.first().map(|first| (rows, first)));
+    each.map(|(rows, first)| (place(rows, first), rows.len(), first)).collect()
+}
+
+/// More lines of rejected rows are folded.
+const OPEN_ROWS: usize = 10;
+
 /// Rows that were rejected, and why; `named` may be the first of `all`.
 pub fn rejected(named: &[Rejected], all: usize) -> Section {
     let heading = "What was rejected, and why".to_owned();
@@ -259,12 +284,14 @@ pub fn rejected(named: &[Rejected], all: usize) -> Section {
         return Section::new(heading).with_text(["No row was rejected."]);
     }
     let mut rows = vec![row(["recording", "where", "why"])];
+    let listed = &named[..named.len().min(ROWS)];
     rows.extend(
-        named.iter().take(ROWS).map(|r| vec![r.recording.clone(), line_or_row(r.line, r.row), r.reason.clone()]),
+        rejected_together(listed).into_iter().map(|(place, _, r)| vec![r.recording.clone(), place, r.reason.clone()]),
     );
-    let more = all - named.len().min(ROWS);
+    let more = all - listed.len();
     let text = if more > 0 { vec![format!("{more} more are not listed.")] } else { Vec::new() };
-    Section::new(heading).with_text(text).with_tables([rows])
+    let folded = rows.len() > 1 + OPEN_ROWS;
+    Section::new(heading).with_text(text).with_tables([rows]).folded(folded)
 }
 
 /// Noise alike along all axes passes 3 times the rms of positions once in 170 000 (Maxwell's distribution).
@@ -321,21 +348,27 @@ pub fn in_socket(o: &Observation) -> bool {
 /// Recordings of which more is left than the usual noise of their kind.
 pub fn beyond_noise(model: &Model, data: &Dataset) -> Result<Vec<String>> {
     let usual = Noise::usual(data.names.len());
-    let mut sums = vec![(0.0, 0.0); data.names.len()];
+    let mut sums = vec![(0.0, 0.0, BTreeSet::new()); data.names.len()];
     for (o, r) in data.observations.iter().zip(residuals(model, data)?) {
-        let sigma = if in_socket(o) { SOCKET_MM } else { usual.sigma(o.recording, &o.measured, 0) * 1e3 };
-        let (square, n) = &mut sums[o.recording];
+        let (sigma, what) = match in_socket(o) {
+            true => (SOCKET_MM, "a ball in a printed socket"),
+            false => (usual.sigma(o.recording, &o.measured, 0) * 1e3, o.measured.instrument()),
+        };
+        let (square, n, kinds) = &mut sums[o.recording];
         *square += (r / sigma).norm_squared();
-        *n += if matches!(o.measured, Measured::Distance { .. }) { 1.0 } else { 3.0 };
+        let length = matches!(o.measured, Measured::Distance { .. });
+        *n += if length { 1.0 } else { 3.0 };
+        kinds.insert(format!("{sigma:.2} mm{} for {what}", if length { "" } else { " along each axis" }));
     }
-    let factor = sums.into_iter().map(|(square, n)| if n > 0.0 { (square / n).sqrt() } else { 0.0 });
-    let far = data.names.iter().zip(factor).filter(|(_, f)| *f > UNUSUAL);
-    Ok(far
-        .map(|(name, f)| {
+    let factor = |square: f64, n: f64| if n > 0.0 { (square / n).sqrt() } else { 0.0 };
+    let of = data.names.iter().zip(sums).map(|(name, (square, n, kinds))| (name, factor(square, n), kinds));
+    Ok(of
+        .filter(|(_, f, _)| *f > UNUSUAL)
+        .map(|(name, f, kinds)| {
             format!(
-                "The residuals of {name} are {f:.0} times the usual noise (0.01 mm along each axis for touches, points and lengths, \
-                 0.1 mm for a ball in a printed socket, 0.05 mm for poses): either the measurement is that much worse, or the model lacks \
-                 something; `trical diagnose` looks for it."
+                "The residuals of {name} are {f:.0} times the usual noise ({}): either the measurement is that much worse, or the model \
+                 lacks something; `trical diagnose` looks for it.",
+                kinds.into_iter().collect::<Vec<_>>().join(", ")
             )
         })
         .collect())
@@ -344,6 +377,28 @@ pub fn beyond_noise(model: &Model, data: &Dataset) -> Result<Vec<String>> {
 /// How many standard deviations to each side hold 95 %, when so many numbers were measured beyond what the parameters need.
 pub fn half_width(spare: Option<usize>) -> f64 {
     spare.and_then(|n| StudentsT::new(0.0, 1.0, n as f64).ok()).map_or(1.959_964, |t| t.inverse_cdf(0.975))
+}
+
+/// What parameters are, by the beginnings of their names.
+const PARAMETERS: [(&[&str], &str); 10] = [
+    (&["base_"], "base: where the arm's base stands"),
+    (&["frame"], "frame: where the measuring frame is"),
+    (&["tool_", "target"], "tool, target: the TCP and the targets on the flange"),
+    (&["balls_", "place"], "balls, place: where the balls stood"),
+    (&["a_", "d_"], "a_k, d_k: lengths of link k (Denavit and Hartenberg, modified)"),
+    (&["alpha_", "beta_"], "alpha_k, beta_k: twist of axis k+1 against axis k, about x and y"),
+    (&["theta_"], "theta_k: zero of joint k"),
+    (&["c_"], "c_k: compliance of joint k"),
+    (&["sag_"], "sag_k: how joint k gives way with the inclination of the links"),
+    (&["reading_noise"], "reading_noise: how much of the small readings is noise of the gauge (-100 %: all of it)"),
+];
+
+/// A sentence that says what these parameters are.
+pub fn legend<'a>(terms: impl Iterator<Item = &'a Term>) -> Option<String> {
+    let names: Vec<&str> = terms.map(|t| t.name.as_str()).collect();
+    let there = |begins: &&[&str]| begins.iter().any(|b| names.iter().any(|name| name.starts_with(b)));
+    let told: Vec<&str> = PARAMETERS.iter().filter(|(begins, _)| there(begins)).map(|(_, what)| *what).collect();
+    (!told.is_empty()).then(|| format!("Names: {}.", told.join("; ")))
 }
 
 /// Parameters beside nominal, with intervals.

@@ -20,11 +20,11 @@ pub const BY_BLOCK: &str = "by block of poses";
 pub const FORWARD: &str = "forward in time";
 
 /// How rows of poses that the fit did not see begin.
-const NOT_IN_THE_FIT: &str = "poses not in the fit, ";
+const UNSEEN: &str = "poses that the fit did not see, ";
 
 /// Poses that a fit in so many folds did not use.
 pub fn of_folds(folds: usize) -> String {
-    format!("{NOT_IN_THE_FIT}{BY_BLOCK}, {folds} folds")
+    format!("{UNSEEN}{BY_BLOCK}, {folds} folds")
 }
 
 /// The last poses, where those before were fitted.
@@ -40,8 +40,13 @@ fn unseen(t: &Calibration) -> Vec<(String, ErrorSummary)> {
     let asked =
         |how: &str| t.cross_validation.is_some() && how == BY_BLOCK || t.forward_in_time.is_some() && how == FORWARD;
     let always = t.held_out.named().into_iter().filter(|(how, _)| !asked(how));
-    let always = always.map(|(how, e)| (format!("{NOT_IN_THE_FIT}{how}"), e));
+    let always = always.map(|(how, e)| (format!("{UNSEEN}{how}"), e));
     folds.chain(later).chain(always).collect()
+}
+
+/// A sentence with a beginning; a parameter keeps its name.
+fn begun(text: &str) -> String {
+    if text.split(' ').next().is_some_and(|word| word.contains('_')) { text.to_owned() } else { capital(text) }
 }
 
 /// What speaks against signing, in one sentence each.
@@ -51,7 +56,7 @@ fn concerns(t: &Calibration) -> Result<Vec<String>> {
     if t.errors.mean_mm >= t.before.mean_mm {
         out.push("The model is no better than the nominal arm: do not use it.".into());
     }
-    out.extend(t.cautions().into_iter().map(|c| capital(&table::ended(&c))));
+    out.extend(t.cautions().into_iter().map(|c| begun(&table::ended(&c))));
     let unseen = unseen(t);
     for (name, e) in &unseen {
         if e.mean_mm > LARGER * t.errors.mean_mm {
@@ -98,7 +103,7 @@ fn verdict(t: &Calibration, concerns: usize) -> String {
         t.errors.max_mm
     );
     if let Some((how, e)) = unseen(t).iter().max_by(|a, b| a.1.mean_mm.total_cmp(&b.1.mean_mm)) {
-        let how = how.trim_start_matches(NOT_IN_THE_FIT);
+        let how = how.trim_start_matches(UNSEEN);
         out +=
             &format!(" At poses that the fit did not see ({how}) it is {:.3} mm (largest {:.3}).", e.mean_mm, e.max_mm);
     }
@@ -118,6 +123,7 @@ fn parameters(t: &Calibration) -> Section {
          condition number of the scaled Jacobian is {:.0}.",
         f.observability.condition
     )];
+    text.extend(evidence::legend(f.free.iter().map(|k| &f.model.terms[*k])));
     let dropped = f.left_out();
     if !dropped.is_empty() {
         text.push(format!("Not identified, because other parameters have the same effect: {}.", dropped.join("; ")));
@@ -163,5 +169,6 @@ pub fn render(t: &Calibration, mut made: Made) -> Result<String> {
     sections.extend(errors.pictures()?);
     sections.extend([parameters(t), evidence::rejected(&t.named, t.rejected)]);
     made.notes.push(joints_used(f.data.joints));
-    page::render("TriCal: identification", &verdict, &sections, &made)
+    let title = page::title("Identification", &f.model.robot.name, &f.data.names);
+    page::render(&title, &verdict, &sections, &made)
 }

@@ -7,6 +7,7 @@ use minijinja::{Environment, HtmlEscape, Value, context};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use trical_ident::ErrorSummary;
+use trical_ident::caution::listed;
 
 use crate::error::{Error, Result};
 use crate::{plots, turn};
@@ -135,6 +136,18 @@ fn input(path: &Path) -> Input {
         hashed().map_or_else(|e| ("-".to_owned(), format!("not read again: {e}")), |(n, h)| (n.to_string(), h));
     Input { name: named.into_owned(), bytes, sha256 }
 }
+
+/// What a report is of: "Diagnosis of ABB IRB 120: tracker.csv".
+pub fn title(what: &str, robot: &str, recordings: &[String]) -> String {
+    let file = |r: &String| Path::new(r).file_name().map_or_else(|| r.clone(), |f| f.to_string_lossy().into_owned());
+    let mut named: Vec<String> = recordings.iter().take(NAMED).map(file).collect();
+    named.extend((recordings.len() > NAMED).then(|| format!("{} more", recordings.len() - NAMED)));
+    let of = if robot.is_empty() { String::new() } else { format!(" of {robot}") };
+    if named.is_empty() { format!("{what}{of}") } else { format!("{what}{of}: {}", listed(&named, "and")) }
+}
+
+/// So many recordings are named in a title.
+const NAMED: usize = 2;
 
 /// Puts a report together.
 pub fn render(title: &str, verdict: &str, sections: &[Section], made: &Made) -> Result<String> {
@@ -303,6 +316,14 @@ mod tests {
     fn a_picture_has_its_caption_for_those_who_do_not_see_it() {
         let figure = Figure::new("a < b", "<svg class=\"chart\"></svg>".into());
         assert_eq!(figure.svg, "<svg role=\"img\" aria-label=\"a &lt; b\" class=\"chart\"></svg>");
+    }
+
+    #[test]
+    fn a_title_says_which_arm_and_which_recordings() {
+        let files = ["/data/a.csv", "b.csv", "c.csv", "d.csv"].map(str::to_owned);
+        assert_eq!(title("Diagnosis", "arm 3", &files[..1]), "Diagnosis of arm 3: a.csv");
+        assert_eq!(title("Diagnosis", "arm 3", &files), "Diagnosis of arm 3: a.csv, b.csv and 2 more");
+        assert_eq!(title("Plan", "", &[]), "Plan");
     }
 
     #[test]

@@ -174,5 +174,5 @@ pub fn render(robot: &Robot, cell: &Cell, told: &Told, made: &Made) -> Result<St
         Section::new("Parameters").with_text(dependent).with_tables([parameters(told)]),
         Section::new("All effects").with_tables([detectability(told)]).folded(true),
     ];
-    page::render("TriCal: plan", &verdict(cell, told), &sections, made)
+    page::render(&page::title("Plan", &robot.name, &[]), &verdict(cell, told), &sections, made)
 }

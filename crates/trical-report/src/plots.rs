@@ -384,13 +384,20 @@ fn with_more(svg: &str, more: &str) -> String {
     svg.rfind("</svg>").map_or_else(|| svg.to_owned(), |end| format!("{}{more}{}", &svg[..end], &svg[end..]))
 }
 
+/// An axis that is so many times as long for the few largest values leaves them out.
+const FAR_OFF: f64 = 1.5;
+
 /// What an axis shows of so many values: all but the few that are far off, and what it has to show besides.
 fn usual(values: impl Iterator<Item = f64>, also: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
     let mut sorted: Vec<f64> = values.filter(|v| v.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
-    let few = sorted.len() * 3 / 200;
-    let ends = [sorted.get(few), sorted.get(sorted.len().saturating_sub(1 + few))].into_iter().flatten().copied();
-    range(ends.chain(also), false)
+    let but =
+        |few: usize| [sorted.get(few), sorted.get(sorted.len().saturating_sub(1 + few))].into_iter().flatten().copied();
+    let also: Vec<f64> = also.collect();
+    let of = |few| range(but(few).chain(also.iter().copied()), false);
+    let (all, most) = (of(0), of(sorted.len() * 3 / 200));
+    // those that are little further off are no reason to leave them out
+    if all.end - all.start < FAR_OFF * (most.end - most.start) { all } else { most }
 }
 
 /// Points within a picture, behind what is drawn with them; what is told below of those that are not.
@@ -541,7 +548,7 @@ pub fn spectrum(x_label: &str, y_label: &str, amplitudes: &[(f64, f64)], marks: 
 const STAIR: usize = 20;
 
 /// A staircase: bars from top to bottom, each with its name before and its value behind it; `what` they are stands above.
-pub fn staircase(what: &str, values: &[(String, f64)]) -> String {
+pub fn staircase(what: &str, values: &[(String, f64)], decimals: usize) -> String {
     const WIDE: usize = 480;
     const LEFT: usize = 76;
     const LONGEST: f64 = 330.0;
@@ -558,7 +565,7 @@ pub fn staircase(what: &str, values: &[(String, f64)]) -> String {
         let _ = write!(
             svg,
             "<text x=\"{}\" y=\"{}\" text-anchor=\"end\">{name}</text><rect x=\"{LEFT}\" y=\"{y}\" width=\"{long:.1}\" height=\"{}\" \
-             fill=\"{}\"/><text x=\"{:.1}\" y=\"{1}\">{value:.4}</text>",
+             fill=\"{}\"/><text x=\"{:.1}\" y=\"{1}\">{value:.decimals$}</text>",
             LEFT - 8,
             y + 12,
             STAIR - 5,

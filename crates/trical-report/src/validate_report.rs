@@ -160,7 +160,8 @@ pub fn render(v: &Validation, file: &ModelFile, mut made: Made) -> Result<String
     if !file.sessions.is_empty() {
         made.notes.push(format!("The model was fitted to {}.", file.recordings().join(", ")));
     }
-    page::render("TriCal: validation", &verdict, &sections, &made)
+    let title = page::title("Validation", &v.model.robot.name, &v.data.names);
+    page::render(&title, &verdict, &sections, &made)
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! The verdict of a diagnosis in a few lines for a terminal, and as rows for a page.
 
+use trical_diagnose::verdict::IF_NOT;
 use trical_diagnose::{Diagnosis, Finding, RowKind, VerdictRow};
 use trical_ident::compare::capital;
 use trical_ident::identify::ErrorSummary;
@@ -12,7 +13,7 @@ use crate::error::Result;
 use crate::evidence::six;
 use crate::table;
 
-/// So many lines at most, the first one included.
+/// So many lines has a verdict at most in a terminal, the first one included, and so many rows on a page.
 const LINES: usize = 10;
 
 /// So wide is a line at most.
@@ -92,7 +93,7 @@ fn set_up(plain: &Model) -> Option<String> {
 /// The rows of a verdict that are told, with so many decimals.
 #[must_use]
 pub fn told(d: &Diagnosis, mut rows: Vec<VerdictRow>) -> (Vec<VerdictRow>, usize) {
-    let decimals = decimals(d, &rows);
+    let decimals = decimals(d);
     rows.retain(|r| shows(r, decimals));
     let plain = rows.first_mut().filter(|r| r.kind == RowKind::Plain);
     if let (Some(row), Some(more)) = (plain, set_up(&d.before)) {
@@ -101,25 +102,37 @@ pub fn told(d: &Diagnosis, mut rows: Vec<VerdictRow>) -> (Vec<VerdictRow>, usize
     (rows, decimals)
 }
 
-/// Decimals that make the smallest error of a diagnosis readable; one more where a row would show no change otherwise.
+/// Decimals that make the smallest error of a diagnosis readable; one more where a row of its verdict would show no change otherwise. They are
+/// the same in a terminal and on a page.
 #[must_use]
-pub fn decimals(d: &Diagnosis, rows: &[VerdictRow]) -> usize {
+pub fn decimals(d: &Diagnosis) -> usize {
     let few = table::decimals_for(d.after.holdout_rms_mm).clamp(2, 5);
-    let all_show = rows.iter().filter(|r| r.kind != RowKind::Rest).all(|r| shows(r, few));
+    let all_show = d.verdict.rows.iter().filter(|r| r.kind != RowKind::Rest).all(|r| shows(r, few));
     if all_show { few } else { few + 1 }
 }
 
-/// The claim and what else it may be: "Lost motion at joint 3, perhaps backlash (40 %)"; `sure` is said of the claim.
+/// The claim and what else it may be: "Lost motion at joint 3, perhaps backlash (40 %)", "Backlash at joint 3 (if not, friction)"; `sure` is
+/// said of the claim.
 #[must_use]
-pub fn claim(row: &VerdictRow, sure: &str) -> String {
-    let perhaps = row.perhaps.as_ref().map_or_else(String::new, |p| format!(", {p}"));
-    format!("{}{sure}{perhaps}", row.text)
+pub fn claim(row: &VerdictRow, sure: Option<String>) -> String {
+    let (instead, perhaps): (Vec<&String>, Vec<_>) = row.perhaps.iter().partition(|p| p.starts_with(IF_NOT));
+    let within: Vec<String> = sure.into_iter().chain(instead.into_iter().cloned()).collect();
+    let within = if within.is_empty() { String::new() } else { format!(" ({})", within.join("; ")) };
+    format!("{}{within}{}", row.text, perhaps.into_iter().map(|p| format!(", {p}")).collect::<String>())
 }
 
 /// The claim with its probability.
 #[must_use]
 pub fn sentence(row: &VerdictRow) -> String {
-    claim(row, &row.probability().map_or_else(String::new, |p| format!(" ({p})")))
+    claim(row, row.probability())
+}
+
+/// The verdict of a page: of more than so many rows, the smallest are one.
+#[must_use]
+pub fn page_rows(d: &Diagnosis) -> (Vec<VerdictRow>, usize) {
+    let most = d.verdict.rows.len();
+    let rows = |claims| told(d, d.verdict.shortened(claims));
+    (1..=most).rev().map(rows).find(|(rows, _)| rows.len() <= LINES).unwrap_or_else(|| rows(1))
 }
 
 fn row_lines(row: &VerdictRow, decimals: usize, advised: bool) -> Vec<String> {
@@ -187,7 +200,7 @@ fn worth_elsewhere(d: &Diagnosis) -> Option<(String, bool)> {
         ("in a session", whole.by_session, plain.by_session),
         ("at a place of the balls", whole.by_place, plain.by_place),
     ];
-    let decimals = decimals(d, &d.verdict.rows);
+    let decimals = decimals(d);
     let told = |(at, whole, plain): (&str, Option<ErrorSummary>, Option<ErrorSummary>)| {
         let whole = whole.filter(|e| e.rms_mm > MUCH_WORSE * d.after.holdout_rms_mm)?;
         let worse = plain.is_some_and(|p| p.rms_mm < whole.rms_mm);
@@ -203,7 +216,7 @@ fn worth_elsewhere(d: &Diagnosis) -> Option<(String, bool)> {
         let worse = if there > plain { ", worse than the plain model (use that one there)" } else { "" };
         (there > MUCH_WORSE * d.after.holdout_rms_mm).then(|| {
             let said = format!(
-                "in another session: about {there:.decimals$} mm{worse}, since what happened in the course of this one is not corrected there"
+                "in another session: about {there:.decimals$} mm{worse}, since what happened in this one is not corrected there"
             );
             (said, there > plain)
         })
@@ -298,6 +311,10 @@ mod tests {
             ..found.clone()
         };
         assert_eq!(sentence(&one), "Lost motion at joint 3 (99 %), perhaps backlash (40 %)");
+        // a rival stands where the probability is not taken for both
+        let rival = VerdictRow { perhaps: Some("if not, friction".into()), ..one };
+        assert_eq!(sentence(&rival), "Lost motion at joint 3 (99 %; if not, friction)");
+        assert_eq!(claim(&rival, None), "Lost motion at joint 3 (if not, friction)");
         // what asks nothing but to use the model is no advice, what else may be done is
         let asks = |action| VerdictRow { action: Some(action), corrected: true, ..found.clone() };
         assert_eq!(advice(&asks("Let the calibrated model correct it.")), "Modelled.");

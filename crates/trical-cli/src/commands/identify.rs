@@ -7,6 +7,7 @@ use trical_ident::{
     Calibration, Choice, ErrorSummary, Identified, JointSource, KnownParameters, ModelFile, Options, ParameterSet,
     Rejected, calibrate, calibrate_stream, shown, write_whole,
 };
+use trical_report::evidence::rejected_together;
 use trical_report::identify_report::{BY_BLOCK, FORWARD};
 use trical_report::{certificate, identify_report, table};
 
@@ -211,7 +212,7 @@ fn error_rows(found: &Calibration) -> Vec<Vec<String>> {
     let told = |name: &str| name == BY_BLOCK || name == FORWARD && found.forward_in_time.is_some();
     let worst = found.held_out.worst().filter(|(name, _)| !told(name));
     for (name, e) in usual.map(|e| (BY_BLOCK, e)).into_iter().chain(worst) {
-        add(&format!("poses not in the fit, {name}"), &e);
+        add(&format!("poses that the fit did not see, {name}"), &e);
     }
     if let Some(both) = &found.orientation {
         rows.push(vec!["orientation error, deg".into(), "mean".into(), "rms".into(), "max".into()]);
@@ -257,9 +258,13 @@ pub fn rejected_lines(named: &[Rejected], all: usize, most: usize) -> Vec<String
         return Vec::new();
     }
     let mut lines = vec![format!("{} rejected:", table::counted(all, "row"))];
-    lines.extend(named.iter().take(most).map(|r| format!("  {}, line {}: {}", r.recording, r.line, r.reason)));
-    if all > most {
-        lines.push(format!("  and {} more (--json and --report list them)", all - most));
+    let mut told = 0;
+    lines.extend(rejected_together(named).into_iter().take(most).map(|(place, rows, r)| {
+        told += rows;
+        format!("  {}, {place}: {}", r.recording, r.reason)
+    }));
+    if all > told {
+        lines.push(format!("  and {} more (--json and --report list them)", all - told));
     }
     lines
 }

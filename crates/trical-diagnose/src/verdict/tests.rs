@@ -58,9 +58,11 @@ fn where_nothing_is_found_nothing_is_claimed_of_the_model() {
 #[test]
 fn an_error_that_grows_over_all_poses_is_not_told_as_a_gain() {
     let said = |errors| summary(&finding(EffectId::GearRatio, 2, SURE, errors));
-    assert!(
-        said([0.5, 0.3]).ends_with("with it in the model the error at unseen poses goes from 0.500 to 0.300 mm rms.")
-    );
+    assert!(said([0.5, 0.3]).ends_with(
+        "with it in the model the error at poses that the fit did not see goes from 0.500 to 0.300 mm rms."
+    ));
+    // as many digits as a verdict has
+    assert!(said([0.0279, 0.0056]).ends_with("from 0.0279 to 0.0056 mm rms."));
     let more = said([1.312, 1.371]);
     assert!(more.contains("but over all of them the error goes from 1.312 to 1.371 mm rms."), "{more}");
 }
@@ -167,7 +169,7 @@ fn what_is_less_than_half_sure_is_not_said_as_a_fact() {
         let row = verdict.rows[1].clone();
         (row.text, row.perhaps.unwrap_or_default(), row.action.is_some())
     };
-    let rival = "or friction that grows with the load".to_owned();
+    let rival = "if not, friction that grows with the load".to_owned();
     let text = |t: &str| t.to_owned();
     assert_eq!(said(SURE), (text("Backlash or friction wind-up at joint 3"), String::new(), true));
     assert_eq!(said([0.9, 0.8, 0.7]), (text("Backlash or friction wind-up at joint 3"), rival, true));
@@ -213,7 +215,7 @@ fn places_that_cannot_be_told_apart_are_all_told() {
     let verdict = told(&[ball], &[], [(31, 0.5), (34, 0.3)]);
     let row = &verdict.rows[1];
     assert!(row.text.starts_with("Perhaps ") && row.text.ends_with("at ball 1"), "{}", row.text);
-    assert_eq!(row.perhaps.as_deref(), Some("or at ball 2 or at ball 3"));
+    assert_eq!(row.perhaps.as_deref(), Some("if not, at ball 2 or at ball 3"));
 }
 
 #[test]
@@ -286,7 +288,7 @@ fn what_has_no_name_stands_in_the_table_at_its_size_with_what_to_do() {
             ),
             row("No known cause: change in the course of a session at joint 1", false),
             row(
-                "Of what is left at joint 5 0.020 mm rms depend on the angle of joint 4, the same every 0.04 deg",
+                "Of what is left, 0.020 mm rms at joint 5 depend on the angle of joint 4, the same every 0.04 deg",
                 false
             ),
             row("Whole model, 60 parameters", true),

@@ -89,7 +89,9 @@ fn a_recording_is_beyond_the_usual_noise_by_its_own_residuals() {
     // the usual noise is 0.01 mm: twice that is not unusual, eight times is
     let told = beyond_noise(&model, &both).unwrap();
     assert_eq!(told.len(), 1);
-    assert!(told[0].starts_with("The residuals of r1.csv are 8 times the usual noise"), "{}", told[0]);
+    // of what it was measured with alone
+    let said = "The residuals of r1.csv are 8 times the usual noise (0.01 mm along each axis for indicators touching precision balls):";
+    assert!(told[0].starts_with(said), "{}", told[0]);
 }
 
 #[test]
@@ -123,5 +125,23 @@ fn rejected_rows_are_listed_and_what_is_not_listed_is_counted() {
         (some.tables[0][1].clone(), some.text),
         (row(["r.csv", "line 7", "far off"]), vec!["3 more are not listed.".to_owned()])
     );
-    assert!(rejected(&[one], 1).text.is_empty());
+    assert!(rejected(std::slice::from_ref(&one), 1).text.is_empty());
+    // what follows each other for one reason is one line
+    let at = |line, reason: &str| Rejected { line, reason: reason.into(), ..one.clone() };
+    let rows = [at(7, "far off"), at(8, "far off"), at(9, "lost"), at(11, "lost"), at(12, "lost")];
+    let told: Vec<(String, usize)> = rejected_together(&rows).into_iter().map(|(place, n, _)| (place, n)).collect();
+    let expected = [("lines 7 to 8", 2), ("line 9", 1), ("lines 11 to 12", 2)];
+    assert_eq!(told, expected.map(|(place, n)| (place.to_owned(), n)));
+    let many: Vec<Rejected> = (0..11).map(|k| at(2 * k, "lost")).collect();
+    assert!(!rejected(&rows, 5).folded && rejected(&many, 11).folded);
+}
+
+#[test]
+fn a_legend_says_what_the_parameters_are_that_are_there() {
+    let term = |name| Term::new(name, "geometry", Site::Joint { joint: 2 }, Basis::CONSTANT);
+    assert_eq!(
+        legend([term("c_2"), term("theta_2")].iter()).unwrap(),
+        "Names: theta_k: zero of joint k; c_k: compliance of joint k."
+    );
+    assert!(legend([term("other")].iter()).is_none());
 }

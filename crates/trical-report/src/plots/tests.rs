@@ -133,7 +133,7 @@ fn larger_values_stand_higher_and_further_right() {
 
 #[test]
 fn a_staircase_begins_with_what_was_before() {
-    let svg = staircase("mm", &[("plain".into(), 4.0), ("one".into(), 2.0)]);
+    let svg = staircase("mm", &[("plain".into(), 4.0), ("one".into(), 2.0)], 4);
     let bar = |color: &str| {
         let rect = svg.split("<rect").find(|r| r.contains(color)).unwrap();
         (between(rect, " y=\"", "\"")[0], between(rect, "width=\"", "\"")[0])
@@ -142,7 +142,7 @@ fn a_staircase_begins_with_what_was_before() {
     assert!(before.0 < after.0 && (before.1 / after.1 - 2.0).abs() < 0.05, "{before:?} {after:?}");
     // each has its name and its value, however many they are
     let many: Vec<(String, f64)> = (0..40).map(|k| (format!("n{k}"), 1.0)).collect();
-    assert_eq!(staircase("mm", &many).matches(">1.0000<").count(), 40);
+    assert_eq!(staircase("mm", &many, 4).matches(">1.0000<").count(), 40);
 }
 
 #[test]

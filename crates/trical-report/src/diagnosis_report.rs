@@ -548,9 +548,10 @@ fn summary(d: &Diagnosis) -> String {
     let decimals = verdict_told::decimals(d);
     let errors = [d.baseline.holdout_rms_mm, d.after.holdout_rms_mm];
     if nothing(d) {
+        let not_shown = verdict_told::not_shown(d).map_or_else(String::new, |said| format!(" {said}."));
         return format!(
             "Nothing found. The plain model ({} parameters) predicts new poses to {:.decimals$} mm rms; no known effect shows in what \
-             is left.",
+             is left.{not_shown}",
             d.baseline.parameters, errors[0]
         );
     }

@@ -1,7 +1,7 @@
 //! The report of a plan: the cell with the poses, what to expect, and what would not be seen.
 
 use trical_model::{Cell, Forward, Model, Robot, State};
-use trical_plan::{CollisionModel, PredictedError, Sphere};
+use trical_plan::{CollisionModel, Criterion, PredictedError, Sphere};
 
 use crate::blindness;
 use crate::error::Result;
@@ -98,14 +98,30 @@ fn verdict(cell: &Cell, told: &Told) -> String {
     )
 }
 
+/// What the choice was made for, and how much better it is than chance.
+fn gain(criterion: Criterion, over_random: f64) -> String {
+    let what = match criterion {
+        Criterion::Determinant => "the standard deviations of the parameters are, taken together,",
+        Criterion::Variances => "the sum of the parameters' variances is",
+        Criterion::Weakest => "the standard deviation of what is known worst is",
+        Criterion::Region => "the mean square error where the tool works is",
+    };
+    if over_random.is_finite() {
+        format!(" With these touches {what} {} times smaller than with random ones.", two_digits(over_random))
+    } else {
+        String::new()
+    }
+}
+
 /// Candidates of each ball that were refused.
 fn refused(told: &Told) -> Vec<Vec<String>> {
-    let mut rows = vec![row(["ball", "tried", "refused because of", "most contacts between"])];
+    let mut rows = vec![row(["ball", "tried", "kept", "refused because of", "most contacts between"])];
     for (k, r) in told.plan.rejected.iter().enumerate() {
         let reasons: Vec<String> =
             r.reasons().iter().filter(|r| r.1 > 0).map(|(reason, n)| format!("{reason} {n}")).collect();
         let contact = r.contacts.iter().max_by_key(|c| *c.1).map_or_else(String::new, |(p, n)| format!("{p}: {n}"));
-        rows.push(vec![format!("{}", k + 1), r.attempts.to_string(), reasons.join(", "), contact]);
+        let kept = r.attempts.saturating_sub(r.reasons().iter().map(|r| r.1).sum::<usize>());
+        rows.push(vec![format!("{}", k + 1), r.attempts.to_string(), kept.to_string(), reasons.join(", "), contact]);
     }
     rows
 }
@@ -163,10 +179,9 @@ pub fn render(robot: &Robot, cell: &Cell, told: &Told, made: &Made) -> Result<St
         Section::new("What to expect")
             .with_text([format!(
                 "From the noise of the gauge alone, {} mm in each of its three readings. Errors of the \
-                 model come on top, and grow where joints leave the ranges below. The choice is {} times \
-                 better than a random one.",
+                 model come on top, and grow where joints leave the ranges below.{}",
                 told.options.noise_m * 1e3,
-                two_digits(e.gain_over_random)
+                gain(e.criterion, e.gain_over_random)
             )])
             .with_tables([expected, coverage(robot, cell, told)?]),
         not_seen(told),
@@ -175,4 +190,19 @@ pub fn render(robot: &Robot, cell: &Cell, told: &Told, made: &Made) -> Result<St
         Section::new("All effects").with_tables([detectability(told)]).folded(true),
     ];
     page::render(&page::title("Plan", &robot.name, &[]), &verdict(cell, told), &sections, made)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_better_than_by_chance_is_said() {
+        let said = gain(Criterion::Region, 1.5);
+        assert_eq!(
+            said,
+            " With these touches the mean square error where the tool works is 1.5 times smaller than with random ones."
+        );
+        assert_eq!(gain(Criterion::Weakest, f64::INFINITY), "");
+    }
 }

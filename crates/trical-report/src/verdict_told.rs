@@ -1,7 +1,9 @@
 //! The verdict of a diagnosis in a few lines for a terminal, and as rows for a page.
 
+use std::collections::BTreeSet;
+
 use trical_diagnose::verdict::IF_NOT;
-use trical_diagnose::{Diagnosis, Finding, RowKind, VerdictRow};
+use trical_diagnose::{Diagnosis, EffectId, Finding, RowKind, VerdictRow};
 use trical_ident::compare::capital;
 use trical_ident::identify::ErrorSummary;
 use trical_ident::{JointSource, caution};
@@ -39,10 +41,13 @@ pub fn advice(row: &VerdictRow) -> String {
     said.join(" ")
 }
 
+/// What to do about what has no name that is likelier right than not.
+const NOT_SURE: &str = "Do: measure more there before you change anything.";
+
 /// "Do: have the indicator calibrated." Of what the model corrects, what else may be done: "Or have the rail levelled."
 #[must_use]
 pub fn to_do(row: &VerdictRow) -> Option<String> {
-    let action = row.action?;
+    let Some(action) = row.action else { return (row.kind == RowKind::Finding).then(|| NOT_SURE.to_owned()) };
     let Some(else_) = action.strip_prefix(BY_THE_MODEL) else {
         let mut chars = action.chars();
         let first = chars.next().map(|c| c.to_ascii_lowercase()).into_iter();
@@ -165,6 +170,19 @@ pub fn no_arm(d: &Diagnosis) -> Vec<String> {
 pub fn none_sure(d: &Diagnosis) -> Option<&'static str> {
     let unsure = !d.findings.is_empty() && !d.findings.iter().any(Finding::is_sure);
     unsure.then_some("no cause is sure: measure more poses, and use the model only where it was measured")
+}
+
+/// How many effects would not have been found, had the arm them.
+#[must_use]
+pub fn not_shown(d: &Diagnosis) -> Option<String> {
+    let blind: BTreeSet<EffectId> = d.blind_to.iter().map(|b| b.effect).collect();
+    (!blind.is_empty()).then(|| {
+        format!(
+            "This data could not show {} of the {} known effects at some joints or other sites, even if the arm had them",
+            blind.len(),
+            EffectId::ALL.len()
+        )
+    })
 }
 
 /// What the fit took for noise, in one note each.
@@ -320,6 +338,9 @@ mod tests {
         assert_eq!(advice(&asks("Let the calibrated model correct it.")), "Modelled.");
         let silent = VerdictRow { corrected: false, ..asks("Let the calibrated model correct it") };
         assert_eq!(advice(&silent), "");
+        let nameless = VerdictRow { action: None, ..found.clone() };
+        assert_eq!(advice(&nameless), format!("Modelled. {NOT_SURE}"));
+        assert_eq!(advice(&VerdictRow { kind: RowKind::Rest, ..nameless }), "");
         let worn = asks("Let the calibrated model correct it; where it grows, have the gear checked.");
         assert_eq!(advice(&worn), "Modelled. Where it grows, have the gear checked.");
     }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use serde_json::json;
-use trical_diagnose::{Diagnosis, EffectId, Options, Undecided, diagnose_recordings};
+use trical_diagnose::{Diagnosis, Options, Undecided, diagnose_recordings};
 use trical_ident::{JointSource, KnownParameters, write_whole};
 use trical_plan::{Next, write_plan};
 use trical_report::deciding::plan_next;
@@ -183,16 +183,7 @@ fn lines(args: &Args, d: &Diagnosis) -> Vec<String> {
     out.extend(super::identify::rejected_lines(&d.rejected, d.rejected.len(), 3));
     out.extend(verdict_told::cautions(d).iter().flat_map(caution));
     out.extend(verdict_told::notes(d).iter().flat_map(note));
-    let mut blind: Vec<EffectId> = d.blind_to.iter().map(|b| b.effect).collect();
-    blind.sort_unstable();
-    blind.dedup();
-    if !blind.is_empty() {
-        let all = EffectId::ALL.len();
-        out.push(format!(
-            "This data could not show {} of the {all} known effects at some joints or other sites, even if the arm had them{}.",
-            blind.len(),
-            if args.report.is_none() { "; --report lists them" } else { "" }
-        ));
-    }
+    let listed = if args.report.is_none() { "; --report lists them" } else { "" };
+    out.extend(verdict_told::not_shown(d).map(|said| format!("{said}{listed}.")));
     out
 }

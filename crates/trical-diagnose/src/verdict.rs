@@ -12,7 +12,7 @@ pub use trical_ident::compare::capital;
 /// From here on a claim is said as a fact.
 const LIKELY: f64 = 0.5;
 
-/// Findings that take less of what can be explained are summed up in the summary.
+/// Findings that take less of what can be explained are summed up in the summary; what is less of the squared error that is left is not told.
 const SMALL_SHARE: f64 = 0.01;
 
 /// Claims with less of a probability are told with their strongest rival.
@@ -457,7 +457,11 @@ fn rows(
     if !rest.is_empty() {
         rows.push(rest_row(&rest.iter().collect::<Vec<_>>(), [here, after.min(here)]));
     }
-    let left = unexplained.iter().find(|u| !u.modelled && u.holdout_rms_before_mm <= after * (1.0 + 1e-9));
+    let of_some_size = |u: &&Unexplained| (u.rms_mm / after.max(1e-9)).powi(2) >= SMALL_SHARE;
+    let left = unexplained
+        .iter()
+        .filter(of_some_size)
+        .find(|u| !u.modelled && u.holdout_rms_before_mm <= after * (1.0 + 1e-9));
     rows.extend(left.map(|u| {
         let place = at(&[u.site], "");
         let text = format!(

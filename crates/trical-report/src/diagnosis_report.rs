@@ -366,12 +366,12 @@ fn verdict_table(d: &Diagnosis) -> Vec<Vec<String>> {
     let (told, decimals) = verdict_told::page_rows(d);
     let mut rows = vec![row(["claim", "probability", "error before, mm", "after, mm", "what to do"])];
     rows.extend(told.iter().map(|r| {
-        let of_model = matches!(r.kind, RowKind::Plain | RowKind::Whole);
+        let begins = !matches!(r.kind, RowKind::Plain | RowKind::Whole | RowKind::Unexplained);
         let number = |x: f64, shown: bool| if shown { format!("{x:.decimals$}") } else { String::new() };
         vec![
             verdict_told::claim(r, None),
             r.probability().unwrap_or_default(),
-            number(r.before_mm, !of_model && r.kind != RowKind::Unexplained),
+            number(r.before_mm, begins && verdict_told::changes(r, decimals)),
             number(r.after_mm, r.kind != RowKind::Unexplained),
             verdict_told::advice(r),
         ]

@@ -63,7 +63,7 @@ pub fn errors(row: &VerdictRow, decimals: usize) -> String {
     let [before, after] = [row.before_mm, row.after_mm].map(|mm| format!("{mm:.decimals$}"));
     if row.kind == RowKind::Unexplained {
         String::new()
-    } else if claims_something(row) && before != after {
+    } else if claims_something(row) && changes(row, decimals) {
         format!("{before} -> {after}")
     } else {
         after
@@ -77,9 +77,23 @@ fn claims_something(row: &VerdictRow) -> bool {
 /// Whether a row is told: the error of one that models something has to change in what is shown of it. Findings of the rest are told whatever
 /// they take off the error: they are in the model.
 fn shows(row: &VerdictRow, decimals: usize) -> bool {
-    let shown = |mm: f64| format!("{mm:.decimals$}");
     let rest = row.kind == RowKind::Rest && !row.findings.is_empty();
-    !claims_something(row) || rest || shown(row.before_mm) != shown(row.after_mm)
+    !claims_something(row) || rest || changes(row, decimals)
+}
+
+/// Whether a change of the error shows in so many decimals.
+#[must_use]
+pub fn changes(row: &VerdictRow, decimals: usize) -> bool {
+    let [before, after] = [row.before_mm, row.after_mm].map(|mm| format!("{mm:.decimals$}"));
+    before != after
+}
+
+/// A row as it is told: of findings that are told although they change nothing, that they do.
+fn as_told(mut row: VerdictRow, decimals: usize) -> VerdictRow {
+    if row.kind == RowKind::Rest && !changes(&row, decimals) {
+        row.text += "; the error stays as it is";
+    }
+    row
 }
 
 /// What the plain model has besides the arm's own parameters, which are counted: "and 15 of measuring frame and targets".
@@ -100,6 +114,7 @@ fn set_up(plain: &Model) -> Option<String> {
 pub fn told(d: &Diagnosis, mut rows: Vec<VerdictRow>) -> (Vec<VerdictRow>, usize) {
     let decimals = decimals(d);
     rows.retain(|r| shows(r, decimals));
+    let mut rows: Vec<VerdictRow> = rows.into_iter().map(|r| as_told(r, decimals)).collect();
     let plain = rows.first_mut().filter(|r| r.kind == RowKind::Plain);
     if let (Some(row), Some(more)) = (plain, set_up(&d.before)) {
         row.text += &format!(" ({more})");
@@ -358,8 +373,10 @@ mod tests {
             let row = |after_mm| VerdictRow { after_mm, findings: findings.clone(), ..row(kind) };
             assert!(shows(&row(0.5), 3) && !shows(&row(0.5088), 3) && shows(&row(0.5088), 4));
         }
-        // findings of the rest are in the model, sure or not
-        assert!(shows(&VerdictRow { after_mm: 0.5091, ..row(RowKind::Rest) }, 3));
+        // findings of the rest are in the model, sure or not; that they change nothing is said
+        let still = VerdictRow { after_mm: 0.5091, ..row(RowKind::Rest) };
+        assert!(shows(&still, 3) && as_told(still, 3).text.ends_with("; the error stays as it is"));
+        assert_eq!(as_told(row(RowKind::Rest), 3).text, row(RowKind::Rest).text);
         assert!(shows(&VerdictRow { after_mm: 0.5091, ..row(RowKind::Whole) }, 3));
     }
 

@@ -570,7 +570,7 @@ fn summary(d: &Diagnosis) -> String {
     said.join(" ")
 }
 
-/// Parameters of the arm and of what it was measured with, and those of each finding; curves without a name have too many.
+/// Parameters of the arm and of what it was measured with, and those of each finding; curves have too many, with a name or without.
 fn parameter_sections(d: &Diagnosis) -> [Section; 2] {
     let of_finding = |t: &Term| d.findings.iter().position(|f| f.coefficients.iter().any(|c| c.name == t.name));
     let known = || d.model.terms.iter().filter(|t| t.sd.is_some());
@@ -578,7 +578,7 @@ fn parameter_sections(d: &Diagnosis) -> [Section; 2] {
     let own = || known().filter(|t| of_finding(t).is_none() && !nameless(t));
     let told = |t: &Term| parameters(&d.model, std::iter::once(t), half_width(None), |_| String::new()).pop();
     let mut rows = vec![row(["finding", "parameter", "identified", "95 % from", "to", "unit", "remark"])];
-    for (k, f) in d.findings.iter().enumerate() {
+    for (k, f) in d.findings.iter().enumerate().filter(|(_, f)| f.coefficients.len() <= FEW) {
         let heading = format!("{}. {}", k + 1, verdict::heading(f));
         // nominal, the second, is none of it
         let each = known().filter(|t| of_finding(t) == Some(k)).filter_map(told);
@@ -588,10 +588,9 @@ fn parameter_sections(d: &Diagnosis) -> [Section; 2] {
                 .collect()
         }));
     }
-    let curves = known().filter(|t| nameless(t)).count();
-    let left_out = (curves > 0).then(|| {
-        format!("{} of curves of no known cause are in the model file only.", table::counted(curves, "parameter"))
-    });
+    let curves = known().count() - own().count() - (rows.len() - 1);
+    let left_out =
+        (curves > 0).then(|| format!("{} of curves are in the model file only.", table::counted(curves, "parameter")));
     let interval = "The 95 % interval of each (1.96 standard deviations to each side) holds if the model is complete.";
     [
         Section::new("Parameters")

@@ -231,6 +231,7 @@ impl<'a> Search<'a> {
     #[must_use]
     pub fn choose(&mut self, start: &RegressionState, initial: &[usize]) -> Vec<usize> {
         let mut chosen: Vec<usize> = initial.to_vec();
+        let mut swapped: Option<Vec<usize>> = None;
         for _ in 0..3 {
             let before = chosen.clone();
             self.drop_implausible(start, &mut chosen);
@@ -239,7 +240,10 @@ impl<'a> Search<'a> {
                 self.try_pairs(start, &mut chosen);
                 self.forward(start, &mut chosen, MOST_EFFECTS);
             }
-            self.swap(start, &mut chosen, &|_| true);
+            if swapped.as_ref() != Some(&chosen) {
+                let is_settled = self.swap(start, &mut chosen, &|_| true);
+                swapped = is_settled.then(|| chosen.clone());
+            }
             self.merge(start, &mut chosen);
             self.merge_places(start, &mut chosen);
             self.backward(start, &mut chosen);
@@ -358,8 +362,8 @@ impl<'a> Search<'a> {
     }
 
     /// Replaces those chosen candidates that are `asked` by better ones: one by one, or a rich one by two leaner ones that together say more (a
-    /// twist hides in a wobble, but is one number instead of four).
-    pub(crate) fn swap(&self, start: &RegressionState, chosen: &mut Vec<usize>, asked: &dyn Fn(usize) -> bool) {
+    /// twist hides in a wobble, but is one number instead of four). Whether nothing is left to replace.
+    pub(crate) fn swap(&self, start: &RegressionState, chosen: &mut Vec<usize>, asked: &dyn Fn(usize) -> bool) -> bool {
         for _ in 0..2 {
             let set = chosen.clone();
             let mut downdate = Downdate::new(self.design, start, &set);
@@ -376,7 +380,7 @@ impl<'a> Search<'a> {
                 .filter_map(|(own, like)| self.asked(own, downdate.without(&[own], &like), &set))
                 .collect();
             if stop_wanted() {
-                return;
+                return false;
             }
             downdate.prepare(&members.iter().flat_map(|m| m.lean.iter().map(|r| r.candidate)).collect::<Vec<_>>());
             let mut wishes: Vec<(f64, usize, Vec<usize>)> =
@@ -396,9 +400,10 @@ impl<'a> Search<'a> {
                 }
             }
             if !changed {
-                break;
+                return true;
             }
         }
+        false
     }
 
     /// Candidates that are far from being of use: beside a set, or in the place of one of it, others have at least [`IDLE_NATS`] more.
@@ -636,7 +641,7 @@ mod tests {
         let swapped = |asked_of: bool| {
             asked(|search, start| {
                 let mut chosen = vec![0, 2, 4];
-                search.swap(start, &mut chosen, &|c| asked_of || c != 2);
+                assert!(search.swap(start, &mut chosen, &|c| asked_of || c != 2), "nothing is left to replace");
                 sorted(chosen)
             })
         };

@@ -12,9 +12,10 @@
 //! is 1 on average where measurements are independent, and else the factor by which the variances are too small: the design effect (Kish 1965)
 //! of such groups. Errors that several kinds of groups share add up (Cameron, Gelbach & Miller 2011).
 
+use faer::linalg::matmul::triangular::{BlockStructure, matmul};
 use faer::linalg::solvers::Solve;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
-use faer::{Mat, Par, Side};
+use faer::{Accum, Mat, Par, Side};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use trical_model::Forward;
@@ -24,7 +25,6 @@ use crate::error::Result;
 use crate::fit::weighted_residuals;
 use crate::folds::Folds;
 use crate::identify::Identified;
-use crate::triangle::dot;
 
 /// Intervals of the time of a recording.
 const INTERVALS: usize = 16;
@@ -129,23 +129,23 @@ impl Whitened {
         }
         let sigma = (square / count.saturating_sub(p).max(1) as f64).sqrt();
         let (mut ws, mut block) = (forward.workspace(), vec![0.0; 6 * p]);
-        let mut z = Mat::<f64>::zeros(p, count);
-        let mut row = vec![0.0; p];
+        let mut rows = Mat::<f64>::zeros(p, count);
         let (mut residual, mut observation) = (Vec::with_capacity(count), Vec::with_capacity(count));
-        for (at, (o, (r, rows))) in data.observations.iter().zip(&residuals).enumerate() {
+        for (at, (o, (r, n))) in data.observations.iter().zip(&residuals).enumerate() {
             forward.linearize(&o.state, &o.measured, o.frame, &mut ws, &mut block);
-            for (k, r) in r[..*rows].iter().enumerate() {
+            for (k, r) in r[..*n].iter().enumerate() {
                 let weight = 1.0 / (sigma * noise.sigma(o.recording, &o.measured, k));
+                let row = rows.col_as_slice_mut(residual.len());
                 for ((to, from), sd) in row.iter_mut().zip(&block[k * p..]).zip(&sd) {
                     *to = from * sd * weight;
-                }
-                for (i, to) in z.col_as_slice_mut(residual.len()).iter_mut().enumerate() {
-                    *to = dot(&root.col_as_slice(i)[i..], &row[i..]);
                 }
                 residual.push(r / sigma);
                 observation.push(at);
             }
         }
+        let mut z = Mat::<f64>::zeros(p, count);
+        let (upper, all) = (BlockStructure::TriangularUpper, BlockStructure::Rectangular);
+        matmul(z.as_mut(), all, Accum::Replace, root.transpose(), upper, rows.as_ref(), all, 1.0, Par::Seq);
         Ok(Some(Self { z, residual, observation }))
     }
 

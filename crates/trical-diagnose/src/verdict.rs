@@ -31,7 +31,7 @@ pub const IF_NOT: &str = "if not, ";
 const SURE: f64 = 0.9;
 
 /// Likely claims without a row of their own are still named, but so many of them at most.
-const MOST_NAMED_IN_REST: usize = 3;
+pub const MOST_NAMED_IN_REST: usize = 3;
 
 /// What is true of any data in which nothing was found: with few of them, or with much left, the model need not explain them.
 const NOTHING: &str = "Nothing found: no known effect shows in what is left";
@@ -393,14 +393,14 @@ fn row_of(findings: &[Finding], first: usize, step: &Step, [before_mm, after_mm]
 }
 
 /// What is too small or not sure enough for a row of its own: the surest by name, the others by their number.
-fn rest_row(rows: &[&VerdictRow], errors: [f64; 2]) -> VerdictRow {
+fn rest_row(rows: &[&VerdictRow], most_named: usize, errors: [f64; 2]) -> VerdictRow {
     let mut findings: Vec<usize> = rows.iter().flat_map(|r| r.findings.iter().copied()).collect();
     findings.sort_unstable();
     let sure = |r: &&&VerdictRow| r.kind == RowKind::Finding && r.confidence.is_some_and(|[low, _]| low >= LIKELY);
     let mut named: Vec<&&VerdictRow> = rows.iter().filter(sure).collect();
     // what says what to do before what says no more than where
     named.sort_by_key(|r| r.action.is_none());
-    named.truncate(MOST_NAMED_IN_REST);
+    named.truncate(most_named);
     // what the model does not correct is for its owner to mend
     let to_mend =
         |r: &VerdictRow| r.action.filter(|_| !r.corrected).map(|a| format!("; {}", small(a.trim_end_matches('.'))));
@@ -455,7 +455,7 @@ fn rows(
         }
     }
     if !rest.is_empty() {
-        rows.push(rest_row(&rest.iter().collect::<Vec<_>>(), [here, after.min(here)]));
+        rows.push(rest_row(&rest.iter().collect::<Vec<_>>(), MOST_NAMED_IN_REST, [here, after.min(here)]));
     }
     let of_some_size = |u: &&Unexplained| (u.rms_mm / after.max(1e-9)).powi(2) >= SMALL_SHARE;
     let left = unexplained
@@ -504,22 +504,37 @@ impl VerdictRow {
 }
 
 impl Verdict {
-    /// The table with so many claims at most: the smaller ones are one row.
+    /// The table with so many claims at most, those with a cause first: the others are one row, which names so many of them (at most
+    /// [`MOST_NAMED_IN_REST`]).
     #[must_use]
-    pub fn shortened(&self, claims: usize) -> Vec<VerdictRow> {
+    pub fn shortened(&self, claims: usize, named: usize) -> Vec<VerdictRow> {
+        let kinds = [RowKind::Finding, RowKind::Curves];
+        let of = |kind: RowKind| (0..self.rows.len()).filter(move |k| self.rows[*k].kind == kind);
+        let own: Vec<usize> = kinds.into_iter().flat_map(of).take(claims).collect();
         let (mut rows, mut rest, mut end) = (Vec::new(), Vec::new(), Vec::new());
-        for row in &self.rows {
+        let mut here = 0.0;
+        for (k, row) in self.rows.iter().enumerate() {
             match row.kind {
-                RowKind::Plain => rows.push(row.clone()),
-                RowKind::Finding | RowKind::Curves if rows.len() <= claims => rows.push(row.clone()),
+                RowKind::Plain => {
+                    here = row.after_mm;
+                    rows.push(row.clone());
+                }
+                RowKind::Finding | RowKind::Curves if own.contains(&k) => {
+                    // what stood before it may be told behind it
+                    let gain = row.before_mm.powi(2) - row.after_mm.powi(2);
+                    let next = if rest.is_empty() { row.after_mm } else { (here * here - gain).max(0.0).sqrt() };
+                    rows.push(VerdictRow { before_mm: here, after_mm: next, ..row.clone() });
+                    here = next;
+                }
                 RowKind::Finding | RowKind::Curves | RowKind::Rest => rest.push(row),
                 RowKind::Unexplained | RowKind::Whole => end.push(row.clone()),
             }
         }
-        if let [only] = rest.as_slice() {
-            rows.push((*only).clone());
-        } else if let (Some(first), Some(last)) = (rest.first(), rest.last()) {
-            rows.push(rest_row(&rest, [first.before_mm, last.after_mm]));
+        let last = self.rows.iter().rev().find(|r| kinds.contains(&r.kind) || r.kind == RowKind::Rest);
+        if let ([only], Some(last)) = (rest.as_slice(), last) {
+            rows.push(VerdictRow { before_mm: here, after_mm: last.after_mm, ..(*only).clone() });
+        } else if let Some(last) = last.filter(|_| !rest.is_empty()) {
+            rows.push(rest_row(&rest, named, [here, last.after_mm]));
         }
         rows.extend(end);
         rows

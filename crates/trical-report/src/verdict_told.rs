@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use trical_diagnose::verdict::IF_NOT;
+use trical_diagnose::verdict::{IF_NOT, MOST_NAMED_IN_REST};
 use trical_diagnose::{Diagnosis, EffectId, Finding, RowKind, VerdictRow};
 use trical_ident::compare::capital;
 use trical_ident::identify::ErrorSummary;
@@ -151,7 +151,7 @@ pub fn sentence(row: &VerdictRow) -> String {
 #[must_use]
 pub fn page_rows(d: &Diagnosis) -> (Vec<VerdictRow>, usize) {
     let most = d.verdict.rows.len();
-    let rows = |claims| told(d, d.verdict.shortened(claims));
+    let rows = |claims| told(d, d.verdict.shortened(claims, MOST_NAMED_IN_REST));
     (1..=most).rev().map(rows).find(|(rows, _)| rows.len() <= LINES).unwrap_or_else(|| rows(1))
 }
 
@@ -284,19 +284,20 @@ pub fn lines(d: &Diagnosis) -> Vec<String> {
         same_balls(d)
     );
     let (elsewhere, plain_is_better) = worth_elsewhere(d).unzip();
-    let table = |claims: usize, advised: usize| -> Vec<String> {
-        let (mut rows, decimals) = told(d, d.verdict.shortened(claims));
+    let table = |claims: usize, named: usize| -> Vec<String> {
+        let (mut rows, decimals) = told(d, d.verdict.shortened(claims, named));
         let corrected = rows.iter().any(|r| r.corrected && claims_something(r));
         if let Some(whole) = rows.last_mut() {
             let uses = (corrected && plain_is_better != Some(true)).then_some(USES);
             whole.text += &elsewhere.as_deref().into_iter().chain(uses).map(|s| format!("; {s}")).collect::<String>();
         }
-        let each = rows.iter().enumerate().flat_map(|(k, row)| row_lines(row, decimals, k <= advised));
+        let each = rows.iter().enumerate().flat_map(|(k, row)| row_lines(row, decimals, k <= claims));
         std::iter::once(head.clone()).chain(each).collect()
     };
-    // with all advice for as many claims as fit; one claim is always told
-    let most = d.verdict.rows.len();
-    (1..=most).rev().map(|claims| table(claims, claims)).find(|t| t.len() <= LINES).unwrap_or_else(|| table(1, 1))
+    // as many claims with all advice as fit, then as many named among the rest; one claim is always told
+    let of = |claims| (0..=MOST_NAMED_IN_REST).rev().map(move |named| (claims, named));
+    let all = (1..=d.verdict.rows.len()).rev().flat_map(of);
+    all.map(|(claims, named)| table(claims, named)).find(|t| t.len() <= LINES).unwrap_or_else(|| table(1, 0))
 }
 
 /// What `--json` prints and Python reads: the diagnosis, its recordings, which joints were believed, the verdict's lines.

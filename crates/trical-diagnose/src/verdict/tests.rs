@@ -105,7 +105,7 @@ fn alike_findings_of_several_joints_are_one_row_and_the_table_goes_from_the_plai
     assert_eq!((&verdict.rows[2].findings[..], &verdict.rows[3].findings[..]), (&[1, 3][..], &[4][..]));
     assert!(verdict.rows[2].corrected && !verdict.rows[1].corrected);
     // shortened, what is left out goes into the row of the rest
-    let short = verdict.shortened(1);
+    let short = verdict.shortened(1, MOST_NAMED_IN_REST);
     assert_eq!(short.len(), 4);
     assert_eq!(short[2].findings, [1, 3, 4]);
     assert!((short[2].before_mm - 0.5).abs() < 1e-12 && (short[2].after_mm - 0.1).abs() < 1e-12);
@@ -228,7 +228,11 @@ fn sure_findings_without_a_row_of_their_own_are_named_by_what_they_are_together(
     ];
     findings.extend((1..=6).map(|joint| ripple(joint, 0.97 + 0.004 * joint as f64, 0.09 - 0.002 * joint as f64)));
     let verdict = told(&findings, &[curve(1, "q4", "all of q4", true, [0.09, 0.088])], [(31, 0.5), (90, 0.07)]);
-    let rest = verdict.shortened(1).into_iter().find(|r| r.kind == RowKind::Rest).unwrap_or_else(|| unreachable!());
+    let rest = verdict
+        .shortened(1, MOST_NAMED_IN_REST)
+        .into_iter()
+        .find(|r| r.kind == RowKind::Rest)
+        .unwrap_or_else(|| unreachable!());
     assert_eq!(
         rest.text,
         "Other findings together: joint stiffness that changes with the load at joint 2 (60 %), gear ripple at joints 1 to 6 (97 to 99 %), curves of no \
@@ -244,7 +248,10 @@ fn sure_findings_without_a_row_of_their_own_are_named_by_what_they_are_together(
     // of what is not the arm's nothing is corrected
     let late = [1, 2].map(|joint| finding(EffectId::LateJointReading, joint, SURE, [0.5, 0.499]));
     assert!(
-        told(&late, &[], [(31, 0.5), (33, 0.499)]).shortened(0).iter().all(|r| r.kind != RowKind::Rest || !r.corrected)
+        told(&late, &[], [(31, 0.5), (33, 0.499)])
+            .shortened(0, MOST_NAMED_IN_REST)
+            .iter()
+            .all(|r| r.kind != RowKind::Rest || !r.corrected)
     );
 }
 
@@ -313,4 +320,25 @@ fn what_has_no_name_stands_in_the_table_at_its_size_with_what_to_do() {
         let rows = of(&[], &moves, [(31, 0.5), (60, 0.3)], with(true, true)).rows;
         assert_eq!(rows[1].action, Some(LAST_MOVES), "{variable}");
     }
+}
+
+#[test]
+fn of_a_shortened_table_causes_keep_their_rows_before_curves_and_errors_follow_each_other() {
+    let findings = [
+        finding(EffectId::LateJointReading, 1, SURE, [0.5, 0.4]),
+        finding(EffectId::GearRatio, 3, SURE, [0.3, 0.2]),
+        finding(EffectId::AxisTwist, 3, SURE, [0.2, 0.15]),
+    ];
+    let nameless = curve(1, "q4", "all of q4", true, [0.4, 0.3]);
+    let verdict = told(&findings, &[nameless], [(31, 0.5), (90, 0.15)]);
+    let kinds = |rows: &[VerdictRow]| rows.iter().map(|r| r.kind).collect::<Vec<_>>();
+    use RowKind::{Curves, Finding, Plain, Rest, Whole};
+    assert_eq!(kinds(&verdict.rows), [Plain, Finding, Curves, Finding, Finding, Whole]);
+    let short = verdict.shortened(2, 0);
+    assert_eq!(kinds(&short), [Plain, Finding, Finding, Rest, Whole]);
+    let gain = |r: &VerdictRow| r.before_mm.powi(2) - r.after_mm.powi(2);
+    assert!((gain(&short[2]) - gain(&verdict.rows[3])).abs() < 1e-12);
+    assert!(short.windows(2).all(|rows| (rows[0].after_mm - rows[1].before_mm).abs() < 1e-12), "{short:?}");
+    assert_eq!(short[3].text, "Other findings together: curves of no known cause; 1 more finding");
+    assert_eq!(verdict.shortened(2, 1)[3].text.matches("twist").count(), 1);
 }

@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use trical_diagnose::effect_id::UNEXPLAINED;
 use trical_diagnose::{Diagnosis, Finding, Rival, RowKind, Unexplained, VerdictRow, verdict};
 use trical_ident::caution::listed;
+use trical_ident::dataset::Dataset;
 use trical_ident::model_file::Uncertainty;
 use trical_ident::{ErrorSummary, JointSource, Noise};
 use trical_model::{Basis, Forward, JointKind, Measured, Model, Place, Robot, Shape, Site, State, Term, Variable};
@@ -144,6 +145,15 @@ fn without(own: &dyn Fn(&Term) -> bool, fitted: &Model, uncertainty: Option<&Unc
     model
 }
 
+/// Residuals of another model in the linear picture about a model with residuals `own`: a load and a soft joint, each as large as without the
+/// other, would otherwise not stand in for each other.
+fn linear(of: &Model, other: &Model, data: &Dataset, own: &[Vector6<f64>]) -> Result<Vec<Vector6<f64>>> {
+    const STEP: f64 = 1e-4;
+    let mut near = of.clone();
+    near.terms.iter_mut().zip(&other.terms).for_each(|(t, o)| t.value += STEP * (o.value - t.value));
+    Ok(six(&near, data)?.iter().zip(own).map(|(near, own)| own + (near - own) / STEP).collect())
+}
+
 fn seen(f: &Finding, d: &Diagnosis) -> Result<Seen> {
     let own = |t: &Term| f.coefficients.iter().any(|c| c.name == t.name);
     // the direction in which it acts, whatever its variables say
@@ -153,7 +163,8 @@ fn seen(f: &Finding, d: &Diagnosis) -> Result<Seen> {
     let along = six(&none, &d.data)
         .and_then(|none| Ok(six(&always, &d.data)?.iter().zip(none).map(|(a, b)| a - b).collect::<Vec<_>>()))
         .ok();
-    let (with, without) = (six(&d.model, &d.data)?, six(&without(&own, &d.model, d.uncertainty.as_ref()), &d.data)?);
+    let with = six(&d.model, &d.data)?;
+    let without = linear(&d.model, &without(&own, &d.model, d.uncertainty.as_ref()), &d.data, &with)?;
     // what only turns the tool is seen in its orientation alone
     let size = |first: usize| {
         let parts = with.iter().zip(&without).map(|(a, b)| (a - b).fixed_rows::<3>(first).norm_squared());

@@ -130,3 +130,26 @@ fn what_others_say_of_a_finding_is_theirs_where_it_is_left_out() {
     assert_eq!(left(Some(&known)), [0.0, 2600.0, 1000.0]);
     assert_eq!(left(None), [0.0, 1000.0, 1000.0]);
 }
+
+#[test]
+fn errors_without_a_finding_go_on_in_proportion_to_its_size() {
+    let mut model = crate::test_data::arm();
+    let own = Term::new("own", "effect", Site::Joint { joint: 2 }, Basis::CONSTANT);
+    model.terms.push(Term { value: 0.5, ..own });
+    let touch = Measured::Touch { ball: 0, reading: [0.0; 3] };
+    let data = crate::test_data::data(&[(0..3).map(|k| (crate::test_data::pose(k), touch)).collect()]);
+    let off_by = |value: f64| {
+        let mut other = model.clone();
+        other.terms.iter_mut().filter(|t| t.name == "own").for_each(|t| t.value = value);
+        other
+    };
+    let with = six(&model, &data).unwrap();
+    let gone = linear(&model, &off_by(0.0), &data, &with).unwrap();
+    let tenth = linear(&model, &off_by(0.45), &data, &with).unwrap();
+    let exact = six(&off_by(0.0), &data).unwrap();
+    for k in 0..3 {
+        let [gone, tenth, exact] = [gone[k], tenth[k], exact[k]].map(|r| r - with[k]);
+        assert!((gone - tenth * 10.0).norm() < 1e-4 * gone.norm());
+        assert!((gone - exact).norm() > 0.1 * gone.norm(), "half a radian is far");
+    }
+}

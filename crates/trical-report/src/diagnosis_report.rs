@@ -566,8 +566,9 @@ fn summary(d: &Diagnosis) -> String {
             d.baseline.parameters, errors[0]
         );
     }
-    let claims = d.verdict.rows.iter().filter(|r| matches!(r.kind, RowKind::Finding | RowKind::Curves));
-    let told: Vec<&VerdictRow> = claims.take(2).collect();
+    let claims = d.verdict.shortened(2, 0);
+    let told: Vec<&VerdictRow> =
+        claims.iter().filter(|r| matches!(r.kind, RowKind::Finding | RowKind::Curves)).collect();
     let first = told.iter().position(|r| verdict_told::to_do(r).is_some());
     let mut said = Vec::new();
     for (k, row) in told.iter().enumerate() {

@@ -195,13 +195,13 @@ fn seen(f: &Finding, d: &Diagnosis) -> Result<Seen> {
 
 /// The variable that reveals a finding, at every observation; `None` where only what it does itself tells.
 fn revealing(f: &Finding, d: &Diagnosis) -> Option<(String, Vec<f64>)> {
-    let own = || d.model.terms.iter().filter(|t| f.coefficients.iter().any(|c| c.name == t.name));
+    let own: Vec<&Term> = d.model.terms.iter().filter(|t| f.coefficients.iter().any(|c| c.name == t.name)).collect();
     // of waves, the one that is largest
     let size = |t: &Term| {
-        let same = own().filter(|o| o.basis.of == t.basis.of && o.basis.shape.cycles() == t.basis.shape.cycles());
+        let same = own.iter().filter(|o| o.basis.of == t.basis.of && o.basis.shape.cycles() == t.basis.shape.cycles());
         t.basis.shape.cycles().map_or(0.0, |_| same.map(|o| o.value).fold(0.0, f64::hypot))
     };
-    let term = own().reduce(|a, b| if size(b) > size(a) { b } else { a })?;
+    let term = own.iter().copied().reduce(|a, b| if size(b) > size(a) { b } else { a })?;
     if term.site == Site::AllJoints {
         return None;
     }
@@ -588,13 +588,13 @@ fn parameter_sections(d: &Diagnosis) -> [Section; 2] {
     let known = || d.model.terms.iter().filter(|t| t.sd.is_some());
     let nameless = |t: &Term| t.effect == UNEXPLAINED;
     let own = || known().filter(|t| of_finding(t).is_none() && !nameless(t));
-    let told = |t: &Term| parameters(&d.model, std::iter::once(t), half_width(None), |_| String::new()).pop();
     let mut rows = vec![row(["finding", "parameter", "identified", "95 % from", "to", "unit", "remark"])];
     for (k, f) in d.findings.iter().enumerate().filter(|(_, f)| f.coefficients.len() <= FEW) {
         let heading = format!("{}. {}", k + 1, verdict::heading(f));
-        // nominal, the second, is none of it
-        let each = known().filter(|t| of_finding(t) == Some(k)).filter_map(told);
-        rows.extend(each.map(|cells| {
+        // the heading, and nominal, the second, are none of it
+        let of_it = known().filter(|t| of_finding(t) == Some(k));
+        let each = parameters(&d.model, of_it, half_width(None), |_| String::new());
+        rows.extend(each.into_iter().skip(1).map(|cells| {
             std::iter::once(heading.clone())
                 .chain(cells.into_iter().enumerate().filter(|c| c.0 != 1).map(|c| c.1))
                 .collect()

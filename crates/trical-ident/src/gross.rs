@@ -1,6 +1,6 @@
 //! Gross errors: measurements that no model of the arm explains, by a robust fit.
 
-use trical_model::{Cell, Forward, Measured, Robot, Workspace};
+use trical_model::{Cell, Forward, Measured, Robot, Workspace, residual_rows};
 
 use crate::dataset::{Dataset, Observation};
 use crate::error::{IdentError, Result};
@@ -20,6 +20,10 @@ const MOST: f64 = 0.15;
 
 /// So many of a short recording.
 const FEW: usize = 3;
+
+/// Numbers measured for each parameter of a robust fit. It goes through as many numbers as it has parameters, and the median of the residuals
+/// is the noise only where those are fewer than half.
+const FOR_EACH: usize = 2;
 
 /// The robust noise has settled where no more than this fraction of it changes: nothing to a limit of ten.
 const SETTLED: f64 = 1e-4;
@@ -137,6 +141,11 @@ fn robust_fit(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet) -> 
     let own = OwnSetup::all(data.names.len());
     let (model, _) = prepared(robot, cell, data, &Choice::from(set).with_own(own))?;
     let known = crate::ball_places::usual(&model, data);
+    let scalars: usize = data.observations.iter().map(|o| residual_rows(&o.measured)).sum();
+    let unknown = model.terms.len() - known.iter().filter(|k| k.prior.is_some()).count();
+    if set != ParameterSet::Nominal && scalars < FOR_EACH * unknown {
+        return Err(IdentError::NotEnough(format!("{scalars} numbers for {unknown} parameters")));
+    }
     let free: Vec<usize> = (0..model.terms.len()).collect();
     let mut solver = Solver::new(free.len());
     let mut forward = Forward::new(model, free)?;

@@ -322,7 +322,8 @@ fn finish(forward: Forward, data: &Dataset, fitted: Fitted) -> Result<Identified
     }
     let rows: usize = residuals.iter().map(|(_, n)| n).sum();
     let square: f64 = residuals.iter().map(|(r, n)| r[..*n].iter().map(|v| v * v).sum::<f64>()).sum();
-    let variance = square / (rows - p).max(1) as f64;
+    // priors allow more parameters than rows: what they hold is counted, too, so that standard deviations are rather too large
+    let variance = square / rows.saturating_sub(p).max(1) as f64;
     let (scale, singular) = spectrum.unwrap_or_default();
     let of_moved = covariance(&r, &scale);
     let mut model = forward.into_model();

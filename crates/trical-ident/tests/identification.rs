@@ -114,6 +114,16 @@ fn gross_errors_are_rejected_and_named() {
 }
 
 #[test]
+fn of_few_touches_none_is_a_gross_error_because_a_model_goes_through_the_others() {
+    // 33 numbers and somewhat more for some 30 parameters
+    for (n, seed) in [11, 12, 13, 15, 20].into_iter().flat_map(|n| (0..6).map(move |seed| (n, seed))) {
+        let truth = truth(ParameterSet::Compliance, seed);
+        let clean = reject_gross_errors(&truth.robot, &truth.cell, &build(touch(&truth, n, 1e-5, 9 + seed))).unwrap();
+        assert!(clean.rejected.is_empty(), "{n} touches, seed {seed}: {:?}", clean.rejected);
+    }
+}
+
+#[test]
 fn what_a_fifth_of_the_rows_has_is_no_gross_error_and_what_is_farther_off_is() {
     let truth = truth(ParameterSet::Compliance, 8);
     let mut slipped = truth.clone();

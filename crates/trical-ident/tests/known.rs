@@ -64,6 +64,23 @@ fn refused(known: &str) -> String {
 }
 
 #[test]
+fn what_is_known_of_parameters_may_be_more_than_what_is_measured() {
+    // lengths to 0.05 mm, angles to 0.02 deg
+    let of = |t: &Term| {
+        let shown = trical_ident::shown(&nominal(), t);
+        let sd = if shown.unit == "mm" { 0.05 } else { 0.02 };
+        format!("[[parameter]]\nname = '{}'\nvalue = {}\nsd = {sd}\n", t.name, shown.nominal.unwrap())
+    };
+    let whole = fitted(&data(60, 0.0), "[[parameter]]\nname = 'c_2'\nmin = -100");
+    let geometry = whole.model.terms.iter().filter(|t| t.effect == "geometry");
+    let f = fitted(&data(6, 0.0), &geometry.map(of).collect::<String>());
+    assert!(f.model.terms.len() > 18, "{} parameters of 18 numbers", f.model.terms.len());
+    assert!(f.model.terms.iter().all(|t| t.sd.is_some_and(f64::is_finite)));
+    // 20 um where 6 points were measured
+    assert!(f.errors().unwrap().iter().all(|e| *e < 1e-4));
+}
+
+#[test]
 fn a_limit_holds_and_the_others_are_as_if_it_were_fixed_there() {
     let data = data(60, -2e-5);
     let free = fitted(&data, "[[parameter]]\nname = 'c_2'\nmin = -100");

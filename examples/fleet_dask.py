@@ -2,10 +2,12 @@
 """A laboratory calibrates a fleet: a hundred simulated arms, each with its own flaws, on Dask's local cluster.
 
     pip install "dask[distributed]"
-    python examples/fleet_dask.py --arms 100
+    python examples/fleet_dask.py --arms 100 --touches 15
 
-Every arm is drawn from its number, touches three balls 45 times and leaves a recording (CSV); the calibrations run on
-the workers, and fitted models come back by pickle. With real recordings only `calibrate` is needed:
+Every arm is drawn from its number, touches three balls and leaves a recording (CSV); the calibrations run on the
+workers, and fitted models come back by pickle. Then the arms say what is usual of their kind (`trical.kind`), and every
+arm is calibrated again with that as a prior: even numbers with what the odd ones say, and the other way round. With
+real recordings only `calibrate` is needed:
 
     futures = client.map(calibrate, paths, robot=robot, cell=cell)
 
@@ -112,11 +114,11 @@ def record(number: int, folder: Path, touches: int = 45) -> Path:
 # ---- calibrating -------------------------------------------------------------------------------------------------
 
 
-def calibrate(recording: Path, robot: Path, cell: Path) -> trical.Identified | str:
+def calibrate(recording: Path, known: Path | None = None, *, robot: Path, cell: Path) -> trical.Identified | str:
     """What a worker does with one recording. Returns the fitted model, or the sentence that says why there is none:
     one spoilt recording must not stop the fleet."""
     try:
-        return trical.identify(recording, robot=robot, cell=cell, folds=5)
+        return trical.identify(recording, robot=robot, cell=cell, folds=5, known=known)
     except (trical.TricalError, trical.NotConvergedError) as e:
         return str(e)
 
@@ -143,42 +145,72 @@ def cluster(workers: int) -> Iterator[Any]:
         yield client
 
 
-def calibrate_fleet(client: Any, arms: int, folder: Path) -> list[tuple[int, trical.Identified | str, Array | None]]:
-    """Records and calibrates arms 0 to arms - 1: number, result, errors elsewhere (None without a model)."""
-    numbers = list(range(arms))
-    files = {"robot": IRB120 / "robot.toml", "cell": IRB120 / "cell.toml"}
-    recordings = client.map(record, numbers, folder=folder)
-    results = client.gather(client.map(calibrate, recordings, **files))
-    good = [(n, r) for n, r in zip(numbers, results, strict=True) if not isinstance(r, str)]
+@dataclass(frozen=True)
+class Calibrated:
+    """What became of arm `number`: a result or why there is none, and errors elsewhere, mm; also with the prior."""
+
+    number: int
+    result: trical.Identified | str
+    errors: Array | None
+    by_kind: trical.Identified | str
+    errors_by_kind: Array | None
+
+
+def checked(client: Any, results: list[trical.Identified | str]) -> list[Array | None]:
+    """Errors elsewhere of each arm that has a model."""
+    good = [(n, r) for n, r in enumerate(results) if not isinstance(r, str)]
     checks = client.gather(client.map(errors_mm, [n for n, _ in good], [r.model for _, r in good]))
     errors: dict[int, Array] = dict(zip((n for n, _ in good), checks, strict=True))
-    return [(n, r, errors.get(n)) for n, r in zip(numbers, results, strict=True)]
+    return [errors.get(n) for n in range(len(results))]
+
+
+def calibrate_fleet(client: Any, arms: int, folder: Path, touches: int = 45) -> list[Calibrated]:
+    """Records and calibrates arms 0 to arms - 1, at least two, first each alone, then as arms of one kind."""
+    files = {"robot": IRB120 / "robot.toml", "cell": IRB120 / "cell.toml"}
+    recordings = client.gather(client.map(record, range(arms), folder=folder, touches=touches))
+    alone = client.gather(client.map(calibrate, recordings, **files))
+    priors = [folder / "even.toml", folder / "odd.toml"]
+    for k, prior in enumerate(priors):
+        trical.kind([r for r in alone[k::2] if not isinstance(r, str)]).save(prior)
+    of_others = [priors[1 - n % 2] for n in range(arms)]
+    by_kind = client.gather(client.map(calibrate, recordings, of_others, **files))
+    columns = alone, checked(client, alone), by_kind, checked(client, by_kind)
+    return [Calibrated(n, *row) for n, row in enumerate(zip(*columns, strict=True))]
 
 
 def main() -> int:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--arms", type=int, default=100)
+    parser.add_argument("--touches", type=int, default=45, help="of each arm")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, help="folder to keep recordings and models in")
     a = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary, cluster(a.workers) as client:
         folder = a.out or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
-        fleet = calibrate_fleet(client, a.arms, folder.resolve())
+        fleet = calibrate_fleet(client, a.arms, folder.resolve(), a.touches)
         nominal = trical.Model.nominal(IRB120 / "robot.toml", IRB120 / "cell.toml")
         before = client.gather(client.map(errors_mm, range(a.arms), model=nominal))
-    for number, result, _ in fleet:
-        if isinstance(result, str):
-            print(f"arm {number}: {result}")
+    for arm in fleet:
+        if isinstance(arm.by_kind, str):
+            print(f"arm {arm.number}: {arm.by_kind}")
         elif a.out:
-            result.model.save(a.out / f"arm{number:03d}.toml")
-    means = np.array([e.mean() for _, _, e in fleet if e is not None])
-    print(f"{len(means)} of {a.arms} arms calibrated, 45 touches each")
-    print(f"mean position error about the balls, mm: nominal {np.mean(before):.3f}, calibrated {means.mean():.4f}")
-    if len(means):
-        print(f"of the best arm {means.min():.4f}, the median {np.median(means):.4f}, the worst {means.max():.4f}")
-    return 0 if len(means) == a.arms else 1
+            arm.by_kind.model.save(a.out / f"arm{arm.number:03d}.toml")
+    print(f"{a.arms} arms, {a.touches} touches each; mean position error about the balls, mm:")
+    print(f"nominal                    {np.mean(before):.4f}")
+    for how, errors in (
+        ("each arm alone", [arm.errors for arm in fleet]),
+        ("with the kind as a prior", [arm.errors_by_kind for arm in fleet]),
+    ):
+        means = [e.mean() for e in errors if e is not None]
+        if means:
+            best, median, worst = np.quantile(means, [0, 0.5, 1])
+            print(
+                f"{how:26} {np.mean(means):.4f} (best arm {best:.4f}, median {median:.4f}, worst {worst:.4f}; "
+                f"{len(means)} arms)"
+            )
+    return 0 if all(arm.errors_by_kind is not None for arm in fleet) else 1
 
 
 if __name__ == "__main__":

@@ -29,6 +29,7 @@ from ._calls import (
 from ._devices import Controller, Gauge, GaugeTest, gauges, master, virtual_cell
 from ._files import Sample, convert, export, sample
 from ._findings import Coefficient, Evidence, Finding, Place, Rival, Unexplained, Unseen
+from ._fleet import Kind, kind
 from ._measure import BaseFound, Measured, ToolPoint, find_base, find_tool_point, measure, touch_here
 from ._native import (
     Cell,
@@ -62,6 +63,7 @@ __all__ = [
     "Gauge",
     "GaugeTest",
     "Identified",
+    "Kind",
     "Measured",
     "MeasuringError",
     "Model",
@@ -100,6 +102,7 @@ __all__ = [
     "gauges",
     "history",
     "identify",
+    "kind",
     "master",
     "measure",
     "observability",

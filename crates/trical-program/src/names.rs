@@ -5,7 +5,7 @@ mod sources;
 mod unused;
 
 use std::cmp::Ordering;
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
 use nalgebra::Vector3;
 
@@ -36,6 +36,17 @@ impl Way {
     fn element(self) -> Option<usize> {
         if let Self::Element(k) = self { Some(k) } else { None }
     }
+}
+
+/// What a motion goes to in one call of the routine in which it stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Meant {
+    /// The target's name.
+    pub name: u64,
+    /// With which setup.
+    pub setup: u32,
+    /// Whether what the call gives is shifted against the target.
+    pub is_shifted: bool,
 }
 
 /// Where data that a program sets come from.
@@ -125,6 +136,8 @@ pub struct Names {
     comment: Option<u8>,
     /// Whether other motions come between those to the elements of an array.
     apart: bool,
+    /// Motions (name and setup) that say something else in each call of the routine in which they stand.
+    meant: HashMap<(u64, u32), Vec<Meant>>,
 }
 
 #[derive(Debug, Default)]
@@ -330,6 +343,38 @@ impl Names {
         });
         let changed = || self.changed.get(&name).and_then(|all| all.first().copied());
         set.or_else(changed).map(|at| at as usize)
+    }
+
+    /// What the program sets the data of this name from, arguments' data what the calls give among them.
+    pub fn set_anywhere(&self, name: u64) -> impl Iterator<Item = Origin> {
+        self.origins.get(&name).into_iter().flatten().map(|(origin, _)| *origin)
+    }
+
+    /// The same without what calls give.
+    pub fn set_within(&self, name: u64) -> impl Iterator<Item = Origin> {
+        let all = self.origins.get(&name).into_iter().flatten();
+        all.filter(|(origin, is_here)| *is_here || !matches!(origin, Origin::Name { .. })).map(|(origin, _)| *origin)
+    }
+
+    /// Where what is set here from the data of this name is shifted against them, or these are changed before, if it is so.
+    #[must_use]
+    pub fn shifted_at(&self, name: u64, at: u32) -> Option<u32> {
+        let changed = || self.changed.get(&name).and_then(|all| all.first().copied());
+        (!self.copied_at.contains(&at)).then_some(at).or_else(changed)
+    }
+
+    /// To what the motions go, and with which setups.
+    #[must_use]
+    pub fn motions(&self) -> BTreeSet<(u64, u32)> {
+        let named = |u: &Use| if let Use::Named { name, setup, .. } = u { Some((*name, *setup)) } else { None };
+        self.uses.iter().filter_map(named).collect()
+    }
+
+    /// Motions to this name with this setup are meant as these.
+    pub fn meant(&mut self, name: u64, setup: u32, all: Vec<Meant>) {
+        if all.iter().any(|meant| (meant.name, meant.setup) != (name, setup)) {
+            self.meant.insert((name, setup), all);
+        }
     }
 
     /// The program changes some coordinate of these data by an amount, here.

@@ -333,6 +333,15 @@ impl Scan {
         }
     }
 
+    /// A target has these setups in the place of this one.
+    pub fn reassign(&mut self, spot: u32, instead_of: u32, setups: impl Iterator<Item = u32>) {
+        match self.spots.get_mut(spot as usize) {
+            Some(s) if s.setup == Some(instead_of) => s.setup = None,
+            _ => return,
+        }
+        setups.for_each(|setup| self.assign(spot, setup));
+    }
+
     /// Lists a motion or a target at `at` that cannot be rewritten as it should be.
     pub fn problem(&mut self, at: usize, what: impl Into<String>) {
         self.problems.push((at, what.into()));

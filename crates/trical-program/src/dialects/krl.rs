@@ -29,7 +29,7 @@ use data::Aggregate;
 use targets::Named;
 
 /// The places of a cell's home, which belong to all programs.
-const HOMES: [&[u8]; 7] = [b"XHOME", b"XHOME1", b"XHOME2", b"XHOME3", b"XHOME4", b"XHOME5", b"$H_POS"];
+const HOMES: [&[u8]; 8] = [b"HOME", b"XHOME", b"XHOME1", b"XHOME2", b"XHOME3", b"XHOME4", b"XHOME5", b"$H_POS"];
 /// The numbers of a pose.
 pub const POSE: [&[u8]; 6] = [b"X", b"Y", b"Z", b"A", b"B", b"C"];
 const AXES: [&[u8]; 6] = [b"A1", b"A2", b"A3", b"A4", b"A5", b"A6"];

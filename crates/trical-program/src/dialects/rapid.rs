@@ -3,6 +3,7 @@
 //! Numbers may be expressions of constants (`CONST num`). A motion to a place that this file does not say (data of another
 //! module, what a function returns, `p.trans.z:=...`) is listed; what is shifted against a target goes with it.
 
+mod called;
 mod data;
 mod frames;
 mod motions;
@@ -15,7 +16,7 @@ pub use reader::{Effects, Exports};
 use std::collections::HashSet;
 
 use crate::elsewhere::{Elsewhere, Nowhere};
-use crate::names::Origin;
+use crate::names::{Origin, Way};
 use crate::reaching::Part;
 use crate::scan::{Fork, Scan, Visit, changed_here, hashed};
 use crate::text::{Span, begins_line, is_one_of, lower, mentions};
@@ -64,12 +65,14 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
     let mut reader = Reader::of(bytes, elsewhere);
     reader.scan.frames.predefine("tool0", "wobj0");
     reader.file();
+    reader.follow_results();
     // the program's own declaration changes nothing
     reader.scan.frames.predefine("tool0", "wobj0");
     reader.names.end_of_file();
     reader.used_elsewhere();
     reader.changed_around();
     reader.changed_where_lent();
+    reader.follow_frames();
     reader.changed_frames();
     reader.changed_parts();
     let Reader { mut scan, names, .. } = reader;
@@ -84,6 +87,7 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
 pub fn for_others(bytes: &[u8], number: usize) -> Exports {
     let mut reader = Reader { exports: Some(Exports::default()), ..Reader::of(bytes, &Nowhere) };
     reader.file();
+    reader.follow_results();
     let moving = reader.names.moving();
     let Exports { mut routines, goes, given, own, .. } = reader.exports.take().unwrap_or_default();
     let parameters = reader.routines.values().flatten();
@@ -185,6 +189,8 @@ impl Reader<'_> {
                 if words.len() > 2 {
                     self.names.visit(Visit::Unknown);
                 }
+            } else if is("return") {
+                self.returns();
             } else if is("gripload") {
                 self.c.skip_space();
                 self.load(from);
@@ -449,7 +455,12 @@ impl Reader<'_> {
         match self.c.peek() {
             b'(' if self.joints_of_place(word) => Some(Origin::Here),
             b'(' => Some(match self.relative(word) {
-                Place::Name { name, .. } => Origin::Name { name, at },
+                Place::Name { name, way, .. } => {
+                    if matches!(way, Way::To) {
+                        self.names.copied(from);
+                    }
+                    Origin::Name { name, at }
+                }
                 Place::Here => Origin::Here,
                 _ => Origin::Computed(at),
             }),

@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use super::{Group, MOST_NAMES, Names, Use, Way};
+use super::{Group, MOST_NAMES, Meant, Names, Use, Way};
 use crate::reaching::{Definitions, Part};
 use crate::scan::{Fork, Scan, Visit};
 use crate::text::Cursor;
@@ -82,9 +82,18 @@ impl Names {
                         c.at = at as usize;
                         elsewhere(c.word())
                     };
-                    let is_any = matches!(way, Way::Said) || set_at_any_time.contains(&name);
-                    let met = if is_any { None } else { definitions.met(name, way.element()) };
-                    self.goes_to(name, met, (setup, way), at, scan, &problem);
+                    let itself = || vec![Meant { name, setup, is_shifted: false }];
+                    let all = self.meant.get(&(name, setup)).cloned().unwrap_or_else(itself);
+                    let are_several = all.len() > 1;
+                    scan.visits.extend(are_several.then_some(Visit::Fork(Fork::Opens)));
+                    for Meant { name, setup, is_shifted } in all {
+                        scan.visits.extend(are_several.then_some(Visit::Fork(Fork::Other)));
+                        let way = if is_shifted { Way::Computed } else { way };
+                        let is_any = matches!(way, Way::Said) || set_at_any_time.contains(&name);
+                        let met = if is_any { None } else { definitions.met(name, way.element()) };
+                        self.goes_to(name, met, (setup, way), at, scan, &problem);
+                    }
+                    scan.visits.extend(are_several.then_some(Visit::Fork(Fork::Closes)));
                 }
             }
         }

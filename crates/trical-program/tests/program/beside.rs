@@ -479,3 +479,24 @@ fn targets_that_nothing_uses_are_told_in_one_sentence() {
         "{report:?}"
     );
 }
+
+#[test]
+fn functions_beside_go_to_targets_of_the_program_and_routines_that_others_call_have_no_known_tool() {
+    let tool = |name: &str| format!("PERS tooldata {name}:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\n");
+    let main = tool("t")
+        + "CONST robtarget p:=TARGET;\nCONST robtarget q:=TARGET;\nPROC main()\nGo q,t;\nENDPROC\n\
+        PROC Go(robtarget to,PERS tooldata held)\nMoveL to,v1,fine,held;\nENDPROC\n";
+    let above = "PROC Over()\nMoveL Above(p),v1,fine,t;\nENDPROC\n\
+        FUNC robtarget Above(robtarget at)\nRETURN Offs(at,0,0,5);\nENDFUNC\n";
+    let report = checked("functions_beside", IRB, &[("m.mod", &main), ("more.mod", above)]);
+    assert_eq!(
+        (report.problems.len(), &report.setups),
+        (0, &vec![("tool 't' in 'wobj0'".to_owned(), 2)]),
+        "{report:?}"
+    );
+    // with which tool the other module calls it is not followed
+    let calls = "PROC Over()\nGo q,tOther;\nMoveL p,v1,fine,t;\nENDPROC\n";
+    let report = checked("routine_called_beside", IRB, &[("m.mod", &main), ("more.mod", calls)]);
+    let problems = told(&report).2;
+    assert!(problems.len() == 1 && problems[0].contains("'held of go' is an argument"), "{problems:?}");
+}

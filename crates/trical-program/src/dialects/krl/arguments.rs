@@ -1,4 +1,4 @@
-//! What routines do to their arguments in KRL: without `:IN` a routine may change what it is given.
+//! What routines do to their arguments in KRL: without `:IN` a routine may change what it is given, if its text does so.
 
 use std::collections::HashMap;
 
@@ -7,7 +7,7 @@ use super::{CURRENT, ELEMENTS, HERE, Reader, before_bracket};
 use crate::names::Origin;
 use crate::scan::{changed_here, hashed};
 use crate::scopes::Scopes;
-use crate::text::{Cursor, Span, is_among, is_one_of};
+use crate::text::{Cursor, Span, is_among, is_one_of, mentions};
 
 /// Of the language: they change none of what they are given.
 const CHANGE_NOTHING: &str = "CWRITE SWRITE COPEN CCLOSE PULSE ERR_RAISE INVERSE FORWARD INV_POS ABS SQRT VARSTATE \
@@ -21,9 +21,9 @@ pub(super) struct Routines {
 }
 
 /// The routines of a file.
-pub(super) fn routines(bytes: &[u8]) -> Routines {
+pub(super) fn routines<'a>(bytes: &'a [u8]) -> Routines {
     let Routines { mut scopes, mut only_read } = Routines::default();
-    let mut at = 0;
+    let (mut at, mut open) = (0, None);
     for line in bytes.split_inclusive(|b| *b == b'\n') {
         let mut c = Cursor::new(line, b';');
         c.skip_blank();
@@ -36,14 +36,24 @@ pub(super) fn routines(bytes: &[u8]) -> Routines {
             let routine = before_bracket(&mut c);
             scopes.open();
             let list = c.until(b")\r\n;").split(|b| *b == b',').map(|p| p.strip_prefix(b"(").unwrap_or(p).trim_ascii());
-            let is_in = |p: &[u8]| p.to_ascii_uppercase().ends_with(b":IN");
-            only_read.insert(routine, list.clone().map(is_in).collect());
-            for parameter in list.filter(|p| !p.is_empty()) {
-                let name = parameter.split(|b| matches!(b, b':' | b'[')).next().unwrap_or(parameter);
-                scopes.parameter(routine, hashed(name.trim_ascii()), at);
-            }
+            let name = |p: &'a [u8]| p.split(|b| matches!(b, b':' | b'[')).next().unwrap_or(p).trim_ascii();
+            // each, until it may be changed
+            let names: Vec<&[u8]> = list.clone().map(name).collect();
+            names.iter().filter(|name| !name.is_empty()).for_each(|name| scopes.parameter(routine, hashed(name), at));
+            let is_in =
+                |p: &[u8]| p.rsplit(|b| *b == b':').next().is_some_and(|kind| is_one_of(kind.trim_ascii(), &[b"IN"]));
+            only_read.insert(routine, vec![true; names.len()]);
+            open = Some((routine, names.into_iter().zip(list.map(is_in)).collect::<Vec<_>>()));
         } else if is_one_of(word, &[b"END", b"ENDFCT"]) {
             scopes.close(at);
+            open = None;
+        } else if let Some((routine, names)) = &open {
+            // `P.X=...`; what is given on may be changed there
+            let gives = line.contains(&b'(') || mentions(line, b"DO");
+            let may_change = |name: &[u8]| mentions(line, name) && (gives || word.eq_ignore_ascii_case(name));
+            for (only_read, (name, is_in)) in only_read.get_mut(routine).into_iter().flatten().zip(names) {
+                *only_read &= *is_in || !may_change(name);
+            }
         }
         at += line.len();
     }

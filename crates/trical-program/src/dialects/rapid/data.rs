@@ -249,6 +249,9 @@ impl Reader<'_> {
             if is_argument || is_data && self.c.peek() != b'{' {
                 self.not_known(is_tool, &name, why);
             }
+            if is_argument {
+                self.takes_frame(&name, word);
+            }
             return;
         }
         let (mut depth, mut words, mut values) = (1, Vec::new(), Vec::new());

@@ -390,6 +390,10 @@ impl<'a> Reader<'a> {
     /// `Offs(p,1,2,3)`, `RelTool(Offs(p,1,2,3),4,5,6)`, `CRobT()`, from the parenthesis on: the target's name and the way there.
     pub(super) fn relative(&mut self, function: &[u8]) -> Place {
         let begin = self.c.at;
+        if let Some(name) = self.returned_by(function) {
+            let at = self.c.bytes[..begin].trim_ascii_end().len() - function.len();
+            return Place::Name { name, way: Way::To, at };
+        }
         self.makes_frame(function, begin);
         let in_tool = function.eq_ignore_ascii_case(b"reltool");
         let offs = function.eq_ignore_ascii_case(b"offs");
@@ -406,6 +410,7 @@ impl<'a> Reader<'a> {
         }
         self.c.skip_space();
         let of_here = self.c.peek() == b'(' && is_one_of(name, &HERE);
+        let returned = if self.c.peek() == b'(' && !of_here { self.returned_by(name) } else { None };
         let of_function = self.c.peek() == b'(' && !of_here;
         while depth > 0 && !self.c.done() && self.c.peek() != b';' {
             self.c.skip_space();
@@ -435,6 +440,6 @@ impl<'a> Reader<'a> {
         }
         let known = plain && k == 3;
         let way = if known { Way::Near(Vector3::from(shift), in_tool) } else { Way::Computed };
-        Place::Name { name: self.key(name), way, at }
+        Place::Name { name: returned.unwrap_or_else(|| self.key(name)), way, at }
     }
 }

@@ -2,6 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
+use super::called::Calls;
 use super::parts::{Piece, parts};
 use crate::elsewhere::{Elsewhere, Goes, Outside};
 use crate::expression::Constants;
@@ -26,8 +27,8 @@ pub(super) struct Reader<'a> {
     pub(super) conditions: usize,
     /// Routines of this file, and which targets, tools and work objects they get.
     pub(super) routines: HashMap<u64, Vec<Parameter>>,
-    /// Those that are functions.
-    pub(super) functions: HashSet<u64>,
+    /// Those that are functions, and whether what they return is a target.
+    pub(super) functions: HashMap<u64, bool>,
     /// Targets, tools and work objects of the routine that is being read, and of its module alone, and what they are called outside it.
     pub(super) locals: HashMap<u64, u64>,
     /// Whether several modules stand in the file.
@@ -46,6 +47,8 @@ pub(super) struct Reader<'a> {
     pub(super) parts: HashMap<u64, Piece>,
     /// Those that stand in targets.
     pub(super) used_parts: Vec<String>,
+    /// What calls give to routines of this file, and what its functions return.
+    pub(super) calls: Calls,
     pub(super) elsewhere: &'a dyn Elsewhere,
     /// What is given to routines that may change it.
     pub(super) lent: Vec<Lent>,
@@ -120,6 +123,7 @@ impl<'a> Reader<'a> {
             tables: HashSet::new(),
             parts: parts(bytes),
             used_parts: Vec::new(),
+            calls: Calls::default(),
             elsewhere,
             lent: Vec::new(),
             changed_elsewhere: HashMap::new(),
@@ -219,13 +223,17 @@ fn has_modules(bytes: &[u8]) -> bool {
     words.filter(|(_, word)| word.eq_ignore_ascii_case(b"endmodule")).nth(1).is_some()
 }
 
+/// Kinds of data that are targets.
+const TARGETS: [&[u8]; 2] = [b"robtarget", b"jointtarget"];
+
 /// Bytes before a routine's bracket or a statement that are looked at.
 pub(super) const FARTHEST: usize = 300;
 
-/// The routines of a module by their hashed names and which targets, tools and work objects they get; those that are functions.
+/// The routines of a module by their hashed names and which targets, tools and work objects they get; those that are functions, and
+/// whether what they return is a target.
 #[must_use]
-fn routines(bytes: &[u8]) -> (HashMap<u64, Vec<Parameter>>, HashSet<u64>) {
-    let (mut found, mut functions) = (HashMap::new(), HashSet::new());
+fn routines(bytes: &[u8]) -> (HashMap<u64, Vec<Parameter>>, HashMap<u64, bool>) {
+    let (mut found, mut functions) = (HashMap::new(), HashMap::new());
     let mut at = 0;
     while let Some(k) = bytes[at..].iter().position(|b| *b == b'(') {
         at += k + 1;
@@ -236,7 +244,8 @@ fn routines(bytes: &[u8]) -> (HashMap<u64, Vec<Parameter>>, HashSet<u64>) {
         let kind = words.find(|w| is_one_of(w, &[b"proc", b"func"]));
         if let (Some(kind), Some(name)) = (kind, words.next_back()) {
             if kind.eq_ignore_ascii_case(b"func") {
-                functions.insert(hashed(name));
+                let is_target = words.next().is_some_and(|value| is_one_of(value, &TARGETS));
+                functions.insert(hashed(name), is_target);
             }
             found.insert(hashed(name), parameters(bytes, at, name));
         }
@@ -277,7 +286,7 @@ fn parameters(bytes: &[u8], at: usize, routine: &[u8]) -> Vec<Parameter> {
             // of an array: `{*,*}`
             c.at += c.until(b"}\n").len();
         }
-        let is_target = is_one_of(kind, &[b"robtarget", b"jointtarget"]);
+        let is_target = is_one_of(kind, &TARGETS);
         if is_target || is_one_of(kind, &[b"tooldata", b"wobjdata"]) {
             let outside =
                 place.map_or_else(|| scoped(name, routine), |k: usize| scoped(k.to_string().as_bytes(), routine));

@@ -2,6 +2,7 @@
 
 use std::collections::HashSet;
 
+use super::called::Given;
 use super::frames::take_over;
 use super::motions::looks_like_motion;
 use super::reader::{FARTHEST, Lent, Parameter, Place, Reader, scoped};
@@ -18,7 +19,7 @@ const INSTRUCTIONS: &str = "
     CopyRawBytes CorrClear CorrDiscon CorrWrite DeactEventBuffer DeactUnit Decr DitherAct DitherDeact DropSensor DropWObj EGMActJoint
     EGMActMove EGMActPose EGMGetId EGMReset EGMSetupAI EGMSetupAO EGMSetupGI EGMSetupLTAPP EGMSetupUC EGMStop EGMStreamStart EGMStreamStop
     EOffsOff EraseModule ErrLog ErrRaise ErrWrite EXIT ExitCycle FitCircle FricIdInit GetDataVal GetGroupSignalInfo GetJointData GetSysData
-    GetTorqueMargin GetTrapData GOTO GripLoad HollowWristReset IDelete IDisable IEnable IError Incr IndReset InvertDO IOBusStart IOBusState
+    GetTorqueMargin GetTrapData GOTO GripLoad HollowWristReset IDelete IDisable IEnable IError Incr IndAMove IndCMove IndDMove IndReset IndRMove InvertDO IOBusStart IOBusState
     IODisable IOEnable IPers IRMQMessage ISignalAI ISignalAO ISignalDI ISignalDO ISignalGI ISignalGO ISleep ITimer IVarValue IWatch Load
     LoadId MakeDir ManLoadIdProc MechUnitLoad MotionPlannerSwitch MotionProcessModeSet MotionSup MToolRotCalib MToolTCPCalib Open OpenDir
     PackDNHeader PackRawBytes PathAccLim PathLengthReset PathLengthStart PathLengthStop PathRecStart PathRecStop PathResol PDispOff
@@ -73,21 +74,29 @@ impl Reader<'_> {
         };
         self.note(|routine| routine.call(word));
         self.names.called(routine, false);
+        let around = std::mem::take(&mut self.calls.given);
         if !parameters.is_empty() {
-            if self.functions.contains(&routine) && !self.c.eat(b'(') {
+            if self.functions.contains_key(&routine) && !self.c.eat(b'(') {
                 return;
             }
             self.each_argument(word, &mut |reader, key| match parameters.iter().find(|p| p.scoped == key) {
                 Some(parameter) if parameter.is_target => reader.argument(*parameter),
-                Some(parameter) if parameter.by_reference => reader.lend(key),
-                _ => {}
+                Some(parameter) => {
+                    if parameter.by_reference {
+                        reader.lend(key);
+                    }
+                    reader.gives_frame(key);
+                }
+                None => {}
             });
         }
+        let given = std::mem::replace(&mut self.calls.given, around);
+        self.called(routine, given);
     }
 
     /// What a call gives: each argument is at the cursor when it is taken, with what it is called outside the routine.
-    fn each_argument(&mut self, routine: &[u8], take: &mut dyn FnMut(&mut Self, u64)) {
-        let is_function = self.functions.contains(&hashed(routine));
+    pub(super) fn each_argument(&mut self, routine: &[u8], take: &mut dyn FnMut(&mut Self, u64)) {
+        let is_function = self.functions.contains_key(&hashed(routine));
         let mut places = 0_usize..;
         while !self.c.done() && self.c.peek() != b';' {
             self.c.skip_space();
@@ -427,21 +436,27 @@ impl Reader<'_> {
     /// What a call gives as this argument.
     fn argument(&mut self, parameter: Parameter) {
         self.c.skip_space();
+        let at = self.c.at as u32;
+        let is_name = self.c.peek() != b'[';
+        let origin = self.origin(b";{,\\)");
+        self.set_from(parameter.scoped, origin);
+        self.calls.given.push((parameter.scoped, Given::Place(origin)));
+        if let (true, Origin::Name { name, .. }) = (parameter.by_reference && is_name, origin) {
+            self.set_from(name, Origin::Name { name: parameter.scoped, at });
+        }
+    }
+
+    /// Where the target at the cursor comes from, a name of one before one of `ends`.
+    pub(super) fn origin(&mut self, ends: &[u8]) -> Origin {
         let from = self.c.at;
-        let at = from as u32;
         if self.c.peek() == b'[' {
             let (first, problems) = (self.scan.spots.len(), self.scan.problems.len());
             self.list(0);
             let own = self.names.define_at(from, first, self.scan.spots.len());
             let is_target = self.scan.problems.len() == problems && self.scan.spots.len() > first;
-            let origin = if is_target { own } else { Origin::Computed(at) };
-            return self.set_from(parameter.scoped, origin);
+            return if is_target { own } else { Origin::Computed(from as u32) };
         }
         let word = self.c.word();
-        let origin = self.source(from, word, b";{,\\)").filter(|_| !word.is_empty()).unwrap_or(Origin::Computed(at));
-        self.set_from(parameter.scoped, origin);
-        if let (true, Origin::Name { name, .. }) = (parameter.by_reference, origin) {
-            self.set_from(name, Origin::Name { name: parameter.scoped, at });
-        }
+        self.source(from, word, ends).filter(|_| !word.is_empty()).unwrap_or(Origin::Computed(from as u32))
     }
 }

@@ -325,4 +325,17 @@ pub(super) const KRL: &[Case] = &[
         &[2],
         &[],
     ),
+    case("the home that $config.dat calls otherwise", "PTP HOME\nPTP {@0}\nLIN HOMEX\n", &[2], &[(3, "'HOMEX'")]),
+    case(
+        "routines that only move to what they are given",
+        "DEF A()\nDECL E6POS XP1={@0}\nDECL E6POS XP2={@1}\nDECL E6POS XP3={@2}\nDECL E6POS XP4={@3}\nGO(XP1)\nLOOK(XP2, 3)\nLIFT(XP3)\nON(XP4)\nEND\nDEF GO(P:OUT)\nLIN P\nEND\nDEF LOOK(P, N : IN)\nDECL E6POS P\nIF P.Z > N THEN\nLIN P\nENDIF\nEND\nDEF LIFT(P)\nP.Z=P.Z+N\nLIN P\nEND\nDEF ON(P)\nOTHER(P)\nLIN P\nEND\n",
+        &[2, 3, 4, 5],
+        &[(8, "calculated"), (9, "calculated"), (25, "calculated")],
+    ),
+    case(
+        "inline forms whose text says another tool than their statements",
+        "TOOL_DATA[1]={X 18,Y -12,Z 118,A 0,B 0,C 0}\nTOOL_DATA[2]={X 0,Y 0,Z 9,A 0,B 0,C 0}\nDECL E6POS XP1={@0}\nDECL FDAT FP1={TOOL_NO 1,BASE_NO 0,IPO_FRAME #BASE}\n;FOLD LIN P1 Vel=2 m/s CPDAT1 Tool[2]:grip Base[0] ;%{PE}\nFDAT_ACT=FP1\nLIN XP1\n;ENDFOLD\n",
+        &[3],
+        &[],
+    ),
 ];

@@ -371,8 +371,8 @@ pub(super) const RAPID: &[Case] = &[
     case(
         "tools and work objects that are arguments",
         "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget p:=@0;\nPROC main()\nGo t,p;\nBack;\nMoveL @2,v1,fine,tool0;\nENDPROC\nPROC Go(PERS tooldata held,robtarget p)\nMoveL p,v1,fine,held;\nENDPROC\nPROC Back(\\PERS wobjdata o)\nMoveL @1,v1,fine,tool0\\WObj?o;\nENDPROC\n",
-        &[6],
-        &[(2, "'held of go' is an argument"), (12, "'o of back' is an argument")],
+        &[2, 6],
+        &[(12, "'o of back' is an argument")],
     ),
     case(
         "tools and work objects without numbers",
@@ -475,5 +475,45 @@ pub(super) const RAPID: &[Case] = &[
         "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nPERS wobjdata w:=[FALSE,TRUE,\"\",[[0,0,9],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\nCONST robtarget p:=@0;\nCONST robtarget q:=@1;\nPROC main()\nMeasure w;\nGlueL p,v1,bead,t;\nMToolTCPCalib j1,j2,j3,j4,t,e1,e2;\nMoveL q,v1,fine,t\\WObj:=w;\nENDPROC\n",
         &[3, 4],
         &[(6, "'w' is given here to a routine"), (8, "'t' is changed here")],
+    ),
+    case(
+        "functions that return targets",
+        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget p:=@0;\nCONST robtarget q:=@1;\nCONST robtarget r:=@2;\nPROC main()\nMoveL Above(p,5),v1,fine,t;\nx:=Above(q,5);\nMoveL x,v1,fine,tool0;\nMoveL Offs(Third(),0,0,5),v1,fine,tool0;\nMoveL Fourth(2),v1,fine,t;\nENDPROC\nVAR robtarget x;\nFUNC robtarget Above(robtarget at,num dz)\nRETURN Offs(at,0,0,dz);\nENDFUNC\nFUNC robtarget Third()\nVAR robtarget up;\nup:=r;\nup.trans.z:=up.trans.z+10;\nRETURN up;\nENDFUNC\nLOCAL FUNC robtarget Fourth(num n)\nIF n=1 RETURN @3;\nRETURN Above(@0,1);\nENDFUNC\n",
+        &[2, 3, 4, 23, 24],
+        &[],
+    ),
+    case(
+        "functions of which only the running program knows what they return",
+        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget p:=@0;\nCONST robtarget q:=@1;\nPROC main()\nMoveL Near(p),v1,fine,t;\nMoveL Near(q),v1,fine,tool0;\nMoveL Looked(1),v1,fine,tool0;\nMoveL Elsewhere(p),v1,fine,tool0;\nMoveL Again(p),v1,fine,t;\nMoveL Nothing(),v1,fine,t;\nENDPROC\nFUNC robtarget Near(robtarget at)\nVAR robtarget tmp;\ntmp:=at;\nRETURN tmp;\nENDFUNC\nFUNC robtarget Looked(num n)\nRETURN Seen(n);\nENDFUNC\nFUNC robtarget Again(robtarget at)\nRETURN Again(Again(at));\nENDFUNC\nFUNC robtarget Nothing()\nENDFUNC\n",
+        &[2, 3],
+        &[
+            (8, "only the running program calculates"),
+            (9, "goes to 'Again', which this file"),
+            (10, "goes to 'Nothing', which this file"),
+            (18, "calculated here"),
+        ],
+    ),
+    case(
+        "a tool and a work object in each call",
+        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nPERS wobjdata w:=[FALSE,TRUE,\"\",[[0,0,9],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\nCONST robtarget p:=@0;\nCONST robtarget q:=@1;\nCONST robtarget r:=@2;\nPROC main()\nGo p,t\\o:=w;\nOver q,tool0;\nGo Offs(r,0,0,5),t\\o:=w;\nENDPROC\nPROC Go(robtarget to,PERS tooldata held\\PERS wobjdata o)\nMoveL Offs(to,0,0,20),v1,fine,held\\WObj:=o;\nMoveL to,v1,fine,held\\WObj:=o;\nENDPROC\nPROC Over(robtarget to,PERS tooldata held)\nGo to,held\\o:=wobj0;\nENDPROC\n",
+        &[3, 4, 5],
+        &[],
+    ),
+    case(
+        "a target with several tools in several calls, and one of a list",
+        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget p:=@0;\nCONST robtarget q:=@1;\nPROC main()\nGo p,t;\nGo p,tool0;\nSame t;\nSame tool0;\nAny tools{2};\nOnce t;\nENDPROC\nPROC Go(robtarget to,PERS tooldata held)\nMoveL to,v1,fine,held;\nENDPROC\nPROC Same(PERS tooldata held)\nMoveL q,v1,fine,held;\nMoveL @2,v1,fine,held;\nENDPROC\nPROC Any(PERS tooldata held)\nMoveL @3,v1,fine,held;\nENDPROC\nPROC Once(PERS tooldata held)\nMoveL @0,v1,fine,held;\nENDPROC\n",
+        &[23],
+        &[
+            (2, "used with tool 't' in 'wobj0' and with tool 'tool0'"),
+            (3, "used with tool 't' in 'wobj0' and with tool 'tool0'"),
+            (17, "used with"),
+            (20, "'held of any' is an argument"),
+        ],
+    ),
+    case(
+        "axes of other machines that move by themselves",
+        "CONST robtarget p:=@0;\nCONST robtarget q:=@1;\nPROC main()\nMoveL p,v1,fine,tool0;\nIndAMove Station,1\\ToAbsPos:=q,20;\nIndRMove Station,1\\ToRelNum:=90,20;\nWaitTime 1;\nENDPROC\n",
+        &[1],
+        &[],
     ),
 ];

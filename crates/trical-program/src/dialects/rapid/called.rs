@@ -1,0 +1,215 @@
+//! RAPID's calls of routines of the same file: what functions return (`RETURN Offs(p,0,0,h);`), and with which tools and
+//! work objects routines move that get them as arguments.
+
+use std::collections::HashMap;
+
+use super::reader::Reader;
+use crate::names::{Meant, Origin};
+use crate::scan::{Setup, hashed, hashed_as_written};
+
+/// Calls inside the arguments of calls, and data set from data, that are followed, at most.
+const DEEPEST: usize = 8;
+/// Calls of a routine that are told apart, at most.
+const MOST_CALLS: usize = 1000;
+/// Steps from calls to what they give, at most; what is not followed is listed.
+const MOST_STEPS: usize = 100_000;
+
+/// What each call of a routine gives, by the routine's hashed name.
+type Each = HashMap<u64, Vec<Vec<(u64, Given)>>>;
+
+/// What a call gives for an argument.
+#[derive(Clone, Debug)]
+pub(super) enum Given {
+    Place(Origin),
+    Frame(String),
+}
+
+/// What calls give to the routines of a file, and what functions return.
+#[derive(Debug, Default)]
+pub(super) struct Calls {
+    /// Of the call that is being read: what it gives, by what the arguments are called outside the routine.
+    pub given: Vec<(u64, Given)>,
+    all: Each,
+    /// What functions return, by their hashed names.
+    returned: HashMap<u64, Vec<Origin>>,
+    /// Names for what a call of a function returns, the function, and which of its calls it is.
+    results: Vec<(u64, u64, usize)>,
+    /// Tools and work objects that are arguments: what the calls give for them, and the routine.
+    arguments: HashMap<String, (u64, u64)>,
+    /// Calls in which the one is that is being read.
+    depth: usize,
+    /// Steps that were followed.
+    steps: usize,
+}
+
+impl Calls {
+    fn of(&self, routine: u64, call: usize) -> Vec<(u64, Given)> {
+        self.all.get(&routine).and_then(|all| all.get(call)).cloned().unwrap_or_default()
+    }
+
+    /// Whether one more step is followed.
+    fn goes_on(&mut self, depth: usize) -> bool {
+        self.steps += 1;
+        depth <= DEEPEST && self.steps <= MOST_STEPS
+    }
+}
+
+/// What a call gives for this argument.
+fn place_of(given: &[(u64, Given)], argument: u64) -> Option<Origin> {
+    given.iter().find_map(|(key, given)| match given {
+        Given::Place(origin) if *key == argument => Some(*origin),
+        _ => None,
+    })
+}
+
+impl Reader<'_> {
+    /// A call of a routine of this file was read.
+    pub(super) fn called(&mut self, routine: u64, given: Vec<(u64, Given)>) {
+        let all = self.calls.all.entry(routine).or_default();
+        if all.len() < MOST_CALLS {
+            all.push(given);
+        } else {
+            self.calls.all.remove(&routine);
+        }
+    }
+
+    /// A tool or a work object that a call gives for this argument, at the cursor.
+    pub(super) fn gives_frame(&mut self, argument: u64) {
+        let mut c = self.c;
+        let word = c.word();
+        c.skip_space();
+        if !word.is_empty() && matches!(c.peek(), b',' | b';' | b'\\' | b')') {
+            let name = self.frame_name(word);
+            self.calls.given.push((argument, Given::Frame(name)));
+        }
+    }
+
+    /// A tool or a work object of this name is an argument of the routine that is being read.
+    pub(super) fn takes_frame(&mut self, name: &str, word: &[u8]) {
+        let of = (self.key(word), hashed(self.within.as_bytes()));
+        self.calls.arguments.insert(name.to_owned(), of);
+    }
+
+    /// A name for what a function of this file returns, at the bracket of its call; `None` is no function that returns a target.
+    pub(super) fn returned_by(&mut self, function: &[u8]) -> Option<u64> {
+        let routine = hashed(function);
+        if self.functions.get(&routine) != Some(&true) || self.calls.depth > DEEPEST {
+            return None;
+        }
+        let at = self.c.at;
+        let name = hashed_as_written(&[&b"\0by"[..], &at.to_le_bytes()].concat());
+        self.calls.depth += 1;
+        self.call(at, function);
+        if self.c.eat(b'(') {
+            // of one that gets no targets
+            self.each_argument(function, &mut |_, _| {});
+        }
+        self.calls.depth -= 1;
+        self.c.eat(b')');
+        let call = self.calls.all.get(&routine).map_or(0, Vec::len).checked_sub(1)?;
+        self.calls.results.push((name, routine, call));
+        if let Some(exports) = &mut self.exports {
+            exports.own.insert(name);
+        }
+        Some(name)
+    }
+
+    /// Behind `RETURN`.
+    pub(super) fn returns(&mut self) {
+        let routine = hashed(self.within.as_bytes());
+        if self.functions.get(&routine) == Some(&true) {
+            self.c.skip_space();
+            let origin = self.origin(b";{");
+            self.calls.returned.entry(routine).or_default().push(origin);
+        }
+    }
+
+    /// Says of what functions return where it comes from: what is given to them comes from what this call gives.
+    pub(super) fn follow_results(&mut self) {
+        for (name, routine, call) in std::mem::take(&mut self.calls.results) {
+            let given = self.calls.of(routine, call);
+            for origin in self.calls.returned.get(&routine).cloned().unwrap_or_default() {
+                self.comes_from(name, origin, &given, None, 0);
+            }
+        }
+    }
+
+    /// `to` comes from this; `shifted` says where it is shifted against it on the way.
+    fn comes_from(&mut self, to: u64, origin: Origin, given: &[(u64, Given)], shifted: Option<u32>, depth: usize) {
+        let Origin::Name { name, at } = origin else { return self.set_from(to, origin) };
+        let shifted = shifted.or_else(|| self.names.shifted_at(name, at));
+        let argument = place_of(given, name);
+        let from: Vec<Origin> = match argument {
+            // what other calls give is theirs
+            Some(one) => self.names.set_within(name).chain([one]).collect(),
+            None if self.names.defines(name) => Vec::new(),
+            None => self.names.set_anywhere(name).collect(),
+        };
+        if from.is_empty() || !self.calls.goes_on(depth) {
+            return self.set_from(to, Origin::Name { name, at: shifted.unwrap_or(at) });
+        }
+        for origin in from {
+            self.comes_from(to, origin, if argument.is_some() { &[] } else { given }, shifted, depth + 1);
+        }
+    }
+
+    /// Says of motions with a tool or a work object that is an argument with which it is in each of the calls.
+    pub(super) fn follow_frames(&mut self) {
+        if self.calls.arguments.is_empty() {
+            return;
+        }
+        let mut calls = std::mem::take(&mut self.calls.all);
+        let own = self.heads.keys().copied().collect();
+        if let Some((called, _)) = self.elsewhere.around(&own) {
+            // with what others call it is not followed
+            calls.retain(|routine, _| !called.contains(routine));
+        }
+        for (name, setup) in self.names.motions() {
+            let mut all = Vec::new();
+            self.in_each_call(Meant { name, setup, is_shifted: false }, &calls, 0, &mut all);
+            self.names.meant(name, setup, all);
+        }
+        for spot in 0..self.scan.spots.len() {
+            let Some(setup) = self.scan.spots.get(spot).and_then(|s| s.setup) else { continue };
+            let mut all = Vec::new();
+            self.in_each_call(Meant { name: 0, setup, is_shifted: false }, &calls, 0, &mut all);
+            self.scan.reassign(spot as u32, setup, all.iter().map(|meant| meant.setup));
+        }
+    }
+
+    /// What a motion means in each call of the routine whose tool or work object it uses.
+    fn in_each_call(&mut self, motion: Meant, calls: &Each, depth: usize, out: &mut Vec<Meant>) {
+        let with = self.scan.setups.get(motion.setup as usize).cloned().unwrap_or_default();
+        let slots = [&with.tool, &with.frame];
+        let routine = slots.into_iter().flatten().find_map(|name| Some(self.calls.arguments.get(name)?.1));
+        let of_it = routine.and_then(|routine| calls.get(&routine)).filter(|_| self.calls.goes_on(depth));
+        let Some(of_it) = of_it else {
+            if !out.contains(&motion) {
+                out.push(motion);
+            }
+            return;
+        };
+        for given in of_it {
+            let in_call = |name: &Option<String>| {
+                let key = name.as_ref().and_then(|name| self.calls.arguments.get(name)).map(|(key, _)| *key);
+                let frame = given.iter().find_map(|(k, given)| match given {
+                    Given::Frame(frame) if Some(*k) == key => Some(frame.clone()),
+                    _ => None,
+                });
+                frame.or_else(|| name.clone())
+            };
+            let setup = Setup { tool: in_call(&with.tool), frame: in_call(&with.frame) };
+            let mut meant = Meant { setup: self.scan.setup(setup.clone()), ..motion };
+            // where the routine sets the target itself, it is followed from there
+            if self.names.set_within(motion.name).next().is_none()
+                && let Some(Origin::Name { name, at }) = place_of(given, motion.name)
+            {
+                meant.name = name;
+                meant.is_shifted |= self.names.shifted_at(motion.name, at).is_some();
+            }
+            // what it does not give stays unknown
+            let depth = if setup == with { DEEPEST + 1 } else { depth + 1 };
+            self.in_each_call(meant, calls, depth, out);
+        }
+    }
+}

@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use trical_diagnose::effect_id::UNEXPLAINED;
-use trical_diagnose::{Diagnosis, Finding, Rival, RowKind, Unexplained, VerdictRow, verdict};
+use trical_diagnose::{Coefficient, Diagnosis, Finding, Rival, RowKind, Unexplained, VerdictRow, verdict};
 use trical_ident::caution::listed;
 use trical_ident::dataset::Dataset;
 use trical_ident::model_file::Uncertainty;
@@ -27,6 +27,10 @@ const FEW: usize = 8;
 
 /// Findings and curves without a name whose pictures are open; those of the others are folded.
 const OPEN: usize = 4;
+
+/// What the picture of a finding shows, told once on a page.
+const COMPARED: &str = "Each faint point is one measurement: its error along the direction in which this effect acts, with this effect, and \
+    without it, everything else fitted anew. Strong points are means over parts of the axis, with their 95 % intervals.";
 
 /// How much larger an effect has to be in orientation than in position, each in units of the usual noise, to be drawn there.
 const TURNS: f64 = 5.0;
@@ -67,14 +71,16 @@ fn first_of(names: impl Iterator<Item = String>, own: &str) -> String {
     others.join("; ")
 }
 
-/// What the whole model does to the error (mm rms) at poses that the fit did not see; `modelled` says what it has.
-fn whole(modelled: &str, [before, after]: [f64; 2], decimals: usize) -> String {
+/// What the whole model does to the error (mm rms) at poses that the fit did not see, `of` which kind; `modelled` says what it has.
+fn whole(modelled: &str, of: &str, [before, after]: [f64; 2], decimals: usize) -> String {
     let [before, after] = [before, after].map(|mm| format!("{mm:.decimals$}"));
     if before == after {
-        return format!("{after} mm rms is left at poses that the fit did not see: nothing was found that lowers it.");
+        return format!(
+            "{after} mm rms is left at poses that the fit did not see{of}: nothing was found that lowers it."
+        );
     }
     format!(
-        "With {modelled} in the model, the error at poses that the fit did not see falls from {before} to {after} mm rms."
+        "With {modelled} in the model, the error at poses that the fit did not see{of} falls from {before} to {after} mm rms."
     )
 }
 
@@ -284,20 +290,25 @@ pub fn against(f: &Finding, d: &Diagnosis) -> Result<Against> {
     Ok(Against { label, x, error, without, with })
 }
 
-/// The coefficients of a finding in words with their standard deviations; of the sine and the cosine of a wave, the amplitude.
-fn coefficients(f: &Finding, d: &Diagnosis) -> Vec<String> {
+/// The coefficients of a finding in words with their standard deviations; of the sine and the cosine of a wave, the amplitude. Waves that may
+/// as well not be there are counted.
+fn coefficients(all: &[Coefficient], terms: &[Term]) -> Vec<String> {
     let wave = |name: &str| {
-        let term = d.model.terms.iter().find(|t| t.name == name)?;
+        let term = terms.iter().find(|t| t.name == name)?;
         Some((term.site, term.basis.of, term.basis.shape.cycles()?))
     };
-    let mut rest = f.coefficients.as_slice();
-    let mut told = Vec::new();
+    let mut rest = all;
+    let (mut told, mut lost) = (Vec::new(), 0);
     while let [a, after @ ..] = rest {
         rest = after;
         told.push(match (wave(&a.name), after) {
             (Some(w), [b, after @ ..]) if wave(&b.name) == Some(w) => {
                 rest = after;
                 let (size, sd) = amplitude([a.value, b.value], [a.sd, b.sd]);
+                if sd.is_some_and(|sd| size < sd) {
+                    lost += 1;
+                    continue;
+                }
                 // as the spectrum has it
                 let (factor, unit) = if a.unit == "deg" { (1e3, "mdeg") } else { (1.0, a.unit.as_str()) };
                 let mut name = format!("amplitude at {} cycle{} a turn", w.2, if w.2 == 1.0 { "" } else { "s" });
@@ -306,7 +317,7 @@ fn coefficients(f: &Finding, d: &Diagnosis) -> Vec<String> {
                 }
                 table::estimate(&name, factor * size, sd.map(|sd| factor * sd), unit)
             }
-            _ if f.coefficients.len() == 1 => {
+            _ if all.len() == 1 => {
                 let name = verdict::coefficient(&a.name);
                 let twice = if name.starts_with("half") { ", the whole is twice that" } else { "" };
                 table::estimate(&name, a.value, a.sd, &a.unit) + twice
@@ -314,6 +325,10 @@ fn coefficients(f: &Finding, d: &Diagnosis) -> Vec<String> {
             _ => table::estimate(&verdict::coefficient(&a.name), a.value, a.sd, &a.unit),
         });
     }
+    told.extend((lost > 0).then(|| {
+        let their = if lost == 1 { "its standard deviation" } else { "their standard deviations" };
+        format!("{} smaller than {their}", table::counted(lost, "more wave"))
+    }));
     told
 }
 
@@ -335,7 +350,7 @@ fn amplitude([sine, cosine]: [f64; 2], [s, c]: [Option<f64>; 2]) -> (f64, Option
 
 /// A finding against the variable that reveals it, its size and its rivals; it has a number, from 1, and beyond [`SHOWN`] no figures.
 pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<Section> {
-    let values = coefficients(f, d);
+    let values = coefficients(&f.coefficients, &d.model.terms);
     let told = if values.len() > FEW { format!("{} coefficients", f.coefficients.len()) } else { values.join("; ") };
     let mut text = vec![
         format!("{}. {}.", verdict::capital(&f.located), verdict::capital(&told)),
@@ -364,11 +379,9 @@ pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<S
         Series { name: "with it", color: AFTER, points: points(&after) },
     ];
     let mut figures = finding_figures::figures(f, d)?;
-    figures.push(Figure::new(
-        "Each faint point is one measurement: its error along the direction in which this effect acts, with this effect, and without \
-         it, everything else fitted anew. Strong points are means over parts of the axis, with their 95 % intervals.",
-        plots::compared(&label, error, &series)?,
-    ));
+    let explained =
+        if number_of == 1 { COMPARED } else { "Errors with this effect and without it, drawn as of finding 1." };
+    figures.push(Figure::new(explained, plots::compared(&label, error, &series)?));
     Ok(section.with_figures(figures))
 }
 
@@ -467,10 +480,12 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
     let mut stairs = vec![("plain".to_owned(), d.baseline.holdout_rms_mm)];
     let curves = steps.iter().any(|(name, ..)| name == "curve");
     stairs.extend(chained(d.baseline.holdout_rms_mm, steps));
+    // steps that change nothing in what is shown would be most of them
+    stairs.dedup_by_key(|(_, mm)| format!("{mm:.decimals$}"));
     section.figures.push(Figure::new(
         format!(
             "Error at poses that the fit did not see: of the plain model (red), and as the findings are modelled one after the other, by \
-             their numbers{}.",
+             their numbers{}. Those that change nothing are left out.",
             if curves { " (curve: of no known cause)" } else { "" }
         ),
         plots::staircase("mm rms at poses that the fit did not see", &stairs, decimals),
@@ -523,16 +538,20 @@ fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
                 } else {
                     String::new()
                 };
-                vec![Figure::new(
-                    format!("The curve that was fitted{beside}."),
-                    plots::scatter(
-                        &along(u, &d.model.robot),
-                        &format!("correction, {}", u.curve_units.1),
-                        false,
-                        true,
-                        &[Series { name: "curve", color: AFTER, points: u.curve.clone() }],
-                    )?,
-                )]
+                let x_label = along(u, &d.model.robot);
+                vec![match finding_figures::of_no_cause(u, &x_label, d)? {
+                    Some(figure) => figure,
+                    None => Figure::new(
+                        format!("The curve that was fitted{beside}."),
+                        plots::scatter(
+                            &x_label,
+                            &format!("correction, {}", u.curve_units.1),
+                            false,
+                            true,
+                            &[Series { name: "curve", color: AFTER, points: u.curve.clone() }],
+                        )?,
+                    ),
+                }]
             };
             let how = if u.curve.is_empty() { "A term of this form" } else { "A free curve" };
             let lowers = alone(how, [u.holdout_rms_before_mm, u.holdout_rms_after_mm], decimals);
@@ -569,15 +588,17 @@ fn summary(d: &Diagnosis) -> String {
     let claims = d.verdict.shortened(2, 0);
     let told: Vec<&VerdictRow> =
         claims.iter().filter(|r| matches!(r.kind, RowKind::Finding | RowKind::Curves)).collect();
-    let first = told.iter().position(|r| verdict_told::to_do(r).is_some());
+    // where no cause is sure, that is what to do something about first
+    let none_sure = verdict_told::none_sure(d);
+    let first = told.iter().position(|r| none_sure.is_none() && verdict_told::to_do(r).is_some());
     let mut said = Vec::new();
     for (k, row) in told.iter().enumerate() {
         said.push(format!("{}.", verdict_told::sentence(row)));
         said.extend(verdict_told::to_do(row).filter(|_| first == Some(k)));
     }
-    said.extend(verdict_told::none_sure(d).map(|c| format!("{}.", verdict::capital(c))));
+    said.extend(none_sure.map(|c| format!("{}.", verdict::capital(c))));
     let curves = d.unexplained.iter().chain(&d.more_unexplained).any(|u| u.modelled);
-    said.push(whole(&modelled(&told, d.findings.len(), curves), errors, decimals));
+    said.push(whole(&modelled(&told, d.findings.len(), curves), verdict_told::same_balls(d), errors, decimals));
     said.extend(verdict_told::elsewhere(d).map(|e| format!("But it errs more {e}.")));
     said.join(" ")
 }
@@ -666,10 +687,7 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
     let mut sections = vec![
         verdict_section(d),
         Section::new(heading)
-            .with_text([
-                "At the poses of the fit; the error at poses that it did not see is in the verdict.",
-                OTHER_NUMBERS,
-            ])
+            .with_text(["At the poses of the fit; the error at poses that it did not see is in the verdict."])
             .with_tables([table]),
     ];
     if !d.findings.is_empty() {
@@ -689,7 +707,7 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
     if !d.rejected.is_empty() {
         sections.push(rejected(&d.rejected, d.rejected.len()));
     }
-    made.notes.push(joints_used(source));
+    made.notes.extend([joints_used(source), OTHER_NUMBERS.to_owned()]);
     let title = page::title("Diagnosis", &d.model.robot.name, &d.data.names);
     page::render(&title, &summary(d), &sections, &made)
 }

@@ -2,9 +2,10 @@
 
 use nalgebra::Vector6;
 use plotters::style::RGBColor;
-use trical_diagnose::{Diagnosis, EffectId, Finding};
+use trical_diagnose::effect_id::UNEXPLAINED;
+use trical_diagnose::{Diagnosis, EffectId, Finding, Unexplained};
 use trical_ident::{Dataset, Noise};
-use trical_model::{Basis, JointKind, Measured, Model, Site, Term, Variable};
+use trical_model::{Basis, JointKind, Measured, Model, Place, Site, State, Term, Variable};
 
 use crate::error::Result;
 use crate::evidence::six;
@@ -28,13 +29,40 @@ const CURVE: u32 = 400;
 /// Most cycles a turn of a spectrum: more than any gear that is named has.
 const CYCLES: u32 = 320;
 
-/// How a joint is off at each measurement, without a finding and all else modelled.
-struct Angles {
+/// How a joint is off at each measurement, without a curve of one variable and all else modelled. SI.
+struct Off {
     joint: usize,
-    /// Index of the observation, joint angle in deg, how far it is off in deg.
+    /// Index of the observation, the variable, how far the joint is off.
     points: Vec<(usize, f64, f64)>,
-    /// The finding's terms.
+    /// The curve's terms.
     terms: Vec<Term>,
+}
+
+impl Off {
+    /// Of terms at one joint that depend on one variable alone, whatever the sense of motion; `None` of others.
+    fn of(terms: Vec<Term>, model: &Model, data: &Dataset) -> Result<Option<Self>> {
+        let Some((Site::Joint { joint }, of)) = terms.first().map(|t| (t.site, t.basis.of)) else { return Ok(None) };
+        let alike = |t: &Term| {
+            let alone = t.basis.sense.is_none() && t.basis.beside.is_none();
+            t.site == Site::Joint { joint } && t.basis.of == of && alone
+        };
+        let value = |s: &State| match of {
+            Variable::Joint { joint } => Some(s.q[joint - 1]),
+            Variable::Seq => s.seq,
+            Variable::Time => s.t,
+            _ => None,
+        };
+        let there = |s: &State| terms.iter().any(|t| !t.basis.is_elsewhere(s));
+        if !terms.iter().all(alike) || data.observations.iter().any(|o| value(&o.state).is_none()) {
+            return Ok(None);
+        }
+        let mut without: Model = model.clone();
+        without.terms.retain(|t| terms.iter().all(|own| own.name != t.name));
+        let state = |k: usize| &data.observations[k].state;
+        let off = how_far_off(joint, &without, data)?.into_iter();
+        let points = off.filter(|(k, _)| there(state(*k))).filter_map(|(k, off)| Some((k, value(state(k))?, off)));
+        Ok(Some(Self { joint, points: points.collect(), terms }))
+    }
 }
 
 /// Residuals in units of the usual noise: at the last joint it is the orientation that tells its angle.
@@ -48,26 +76,8 @@ fn in_noise(model: &Model, data: &Dataset) -> Result<Vec<Vector6<f64>>> {
     Ok(all)
 }
 
-/// The angle by which the joint would have to be off to explain what is left without the finding; `None` where the finding is no curve of
-/// one revolute joint's own angle.
-fn angles(f: &Finding, d: &Diagnosis) -> Result<Option<Angles>> {
-    let own = |t: &&Term| f.coefficients.iter().any(|c| c.name == t.name);
-    let terms: Vec<Term> = d.model.terms.iter().filter(own).cloned().collect();
-    let Some(Site::Joint { joint }) = terms.first().map(|t| t.site) else { return Ok(None) };
-    let of_its_angle = |t: &Term| {
-        t.site == Site::Joint { joint } && t.basis.of == Variable::Joint { joint } && t.basis.sense.is_none()
-    };
-    let turns = d.model.robot.joints.get(joint - 1).is_some_and(|j| j.kind == JointKind::Revolute);
-    if !turns || !terms.iter().all(of_its_angle) {
-        return Ok(None);
-    }
-    let mut without: Model = d.model.clone();
-    without.terms.retain(|t| !own(&t));
-    Ok(Some(Angles { joint, points: how_far_off(joint, &without, &d.data)?, terms }))
-}
-
-/// By which angle a joint would have to be off to explain what the model leaves: index of the observation, joint angle and that angle, deg.
-fn how_far_off(joint: usize, without: &Model, data: &Dataset) -> Result<Vec<(usize, f64, f64)>> {
+/// By how much a joint would have to be off to explain what the model leaves, by the index of the observation.
+fn how_far_off(joint: usize, without: &Model, data: &Dataset) -> Result<Vec<(usize, f64)>> {
     const TINY: f64 = 1e-5;
     let mut turned = without.clone();
     let mut probe = Term::new("turned", "turned", Site::Joint { joint }, Basis::CONSTANT);
@@ -76,10 +86,9 @@ fn how_far_off(joint: usize, without: &Model, data: &Dataset) -> Result<Vec<(usi
     let (left, turned) = (in_noise(without, data)?, in_noise(&turned, data)?);
     let levers: Vec<Vector6<f64>> = left.iter().zip(&turned).map(|(a, b)| (b - a) / TINY).collect();
     let longest = levers.iter().map(Vector6::norm).fold(0.0, f64::max);
-    let points = left.iter().zip(&levers).zip(&data.observations).enumerate().filter_map(|(k, ((left, lever), o))| {
+    let points = left.iter().zip(&levers).enumerate().filter_map(|(k, (left, lever))| {
         let far = lever.norm() > SHORT_LEVER * longest;
-        let off = -lever.dot(left) / lever.norm_squared();
-        far.then(|| (k, o.state.q[joint - 1].to_degrees(), off.to_degrees()))
+        far.then(|| (k, -lever.dot(left) / lever.norm_squared()))
     });
     Ok(points.collect())
 }
@@ -92,7 +101,7 @@ struct Spread {
 
 impl Spread {
     /// Coefficients are taken as independent where the fit has too many to keep their correlation.
-    fn of(a: &Angles, d: &Diagnosis) -> Self {
+    fn of(a: &Off, d: &Diagnosis) -> Self {
         let terms = &a.terms;
         let place = |t: &Term| d.uncertainty.as_ref().and_then(|u| u.names.iter().position(|name| *name == t.name));
         let places: Vec<Option<usize>> = terms.iter().map(place).collect();
@@ -105,25 +114,30 @@ impl Spread {
         let n = terms.len();
         let covariance = (0..n * n).map(|k| correlation(k / n, k % n) * sd(k / n) * sd(k % n)).collect();
         let count = a.points.len().max(1) as f64;
-        let mean = |t: &Term| a.points.iter().map(|p| t.basis.shape.at(p.1.to_radians()).0).sum::<f64>() / count;
+        let mean = |t: &Term| a.points.iter().map(|p| t.basis.shape.at(p.1).0).sum::<f64>() / count;
         Self { covariance, middle: terms.iter().map(mean).collect() }
     }
 
-    /// Value of the fitted curve at an angle, and the standard deviation of how far it is from its mean, which cannot be told from the
-    /// joint's zero, deg.
-    fn curve_at(&self, terms: &[Term], deg: f64) -> (f64, f64) {
-        let b: Vec<f64> = terms.iter().map(|t| t.basis.shape.at(deg.to_radians()).0).collect();
+    /// Value of the fitted curve, and the standard deviation of how far it is from its mean, which cannot be told from the joint's zero.
+    fn curve_at(&self, terms: &[Term], x: f64) -> (f64, f64) {
+        let b: Vec<f64> = terms.iter().map(|t| t.basis.shape.at(x).0).collect();
         let value: f64 = terms.iter().zip(&b).map(|(t, b)| t.value * b).sum();
         let off: Vec<f64> = b.iter().zip(&self.middle).map(|(b, m)| b - m).collect();
         let row = |(row, x): (&[f64], &f64)| x * row.iter().zip(&off).map(|(c, y)| c * y).sum::<f64>();
         let variance: f64 = self.covariance.chunks(off.len().max(1)).zip(&off).map(row).sum();
-        (value.to_degrees(), variance.max(0.0).sqrt().to_degrees())
+        (value, variance.max(0.0).sqrt())
     }
 }
 
-fn fitted_curve(a: &Angles, d: &Diagnosis) -> Result<Figure> {
+/// The curve over what the measurements show; `x` says of what it is one, and how many of its units one of SI is.
+fn fitted_curve(a: &Off, (x_label, per_si): (&str, f64), d: &Diagnosis) -> Result<Figure> {
     let (low, high) = span(a.points.iter().map(|p| p.1));
     let several = d.data.names.len() > 1;
+    // thousandths of a degree
+    let (unit, per_off) = match d.model.robot.kind(a.joint) {
+        JointKind::Revolute => ("mdeg", 1e3_f64.to_degrees()),
+        slides @ JointKind::Prismatic => (slides.unit().1, slides.unit().0),
+    };
     let series: Vec<Series> = SESSIONS
         .iter()
         .take(d.data.names.len())
@@ -134,36 +148,35 @@ fn fitted_curve(a: &Angles, d: &Diagnosis) -> Result<Figure> {
             Series {
                 name: if several { name } else { "measurements" },
                 color: *color,
-                points: a.points.iter().filter(|p| of(p.0)).map(|p| (p.1, p.2 * 1e3)).collect(),
+                points: a.points.iter().filter(|p| of(p.0)).map(|p| (p.1 * per_si, p.2 * per_off)).collect(),
             }
         })
         .collect();
     let spread = Spread::of(a, d);
     let curve = (0..=CURVE).map(|k| {
-        let deg = low + (high - low) * f64::from(k) / f64::from(CURVE);
-        let (value, sd) = spread.curve_at(&a.terms, deg);
-        (deg, value * 1e3, (value - 1.96 * sd) * 1e3, (value + 1.96 * sd) * 1e3)
+        let x = low + (high - low) * f64::from(k) / f64::from(CURVE);
+        let (value, sd) = spread.curve_at(&a.terms, x);
+        (x * per_si, value * per_off, (value - 1.96 * sd) * per_off, (value + 1.96 * sd) * per_off)
     });
     let band = Band { name: "fitted, 95 %".into(), color: BEFORE, points: curve.collect() };
     let joint = a.joint;
     Ok(Figure::new(
         format!(
-            "Error of joint {joint} in thousandths of a degree: what each measurement shows with \
-                 everything else modelled, and the fitted curve with its 95 % band. The curve's mean is \
-                 part of the joint's zero."
+            "Error of joint {joint}: what each measurement shows with everything else modelled, and the fitted curve \
+                 with its 95 % band. The curve's mean is part of the joint's zero."
         ),
-        plots::curve_over_data(&format!("angle of joint {joint}, deg"), "error of the joint, mdeg", &series, &band)?,
+        plots::curve_over_data(x_label, &format!("error of the joint, {unit}"), &series, &band)?,
     ))
 }
 
-/// Amplitude (mdeg) of the sine and cosine that fit best, for each whole number of cycles a turn.
+/// Amplitude (mdeg) of the sine and cosine that fit best, for each whole number of cycles a turn; points are angles in rad.
 fn amplitudes(points: &[(usize, f64, f64)], most: u32) -> Vec<(f64, f64)> {
     (1..=most)
         .filter_map(|n| {
             let n = f64::from(n);
             let (mut ss, mut cc, mut sc, mut sy, mut cy) = (0.0, 0.0, 0.0, 0.0, 0.0);
             for (_, q, y) in points {
-                let (s, c) = (n * q.to_radians()).sin_cos();
+                let (s, c) = (n * q).sin_cos();
                 ss += s * s;
                 cc += c * c;
                 sc += s * c;
@@ -174,7 +187,7 @@ fn amplitudes(points: &[(usize, f64, f64)], most: u32) -> Vec<(f64, f64)> {
             // waves longer than what the joint moved through cannot be told from a line
             (det > 0.05 * (ss * cc).max(1e-12)).then(|| {
                 let (a, b) = ((cc * sy - sc * cy) / det, (ss * cy - sc * sy) / det);
-                (n, a.hypot(b) * 1e3)
+                (n, a.hypot(b) * 1e3_f64.to_degrees())
             })
         })
         .collect()
@@ -186,15 +199,22 @@ fn amplitudes(points: &[(usize, f64, f64)], most: u32) -> Vec<(f64, f64)> {
 /// # Errors
 /// A model that cannot be evaluated, or a figure that cannot be drawn.
 pub fn figures(f: &Finding, d: &Diagnosis) -> Result<Vec<Figure>> {
-    let Some(angles) = angles(f, d)? else { return Ok(Vec::new()) };
-    let mut cycles: Vec<f64> = angles.terms.iter().filter_map(|t| t.basis.shape.cycles()).collect();
+    let terms = d.model.terms.iter().filter(|t| f.coefficients.iter().any(|c| c.name == t.name));
+    let of_its_angle = |off: &Off| {
+        let own = Variable::Joint { joint: off.joint };
+        d.model.robot.kind(off.joint) == JointKind::Revolute && off.terms.iter().all(|t| t.basis.of == own)
+    };
+    let Some(off) = Off::of(terms.cloned().collect(), &d.model, &d.data)?.filter(of_its_angle) else {
+        return Ok(Vec::new());
+    };
+    let joint = off.joint;
+    let mut cycles: Vec<f64> = off.terms.iter().filter_map(|t| t.basis.shape.cycles()).collect();
     if f.effect != EffectId::GearRipple {
-        return Ok(vec![fitted_curve(&angles, d)?]);
+        return Ok(vec![fitted_curve(&off, (&format!("angle of joint {joint}, deg"), 1.0_f64.to_degrees()), d)?]);
     }
     cycles.sort_by(f64::total_cmp);
     cycles.dedup();
-    let spectrum = amplitudes(&angles.points, CYCLES);
-    let joint = angles.joint;
+    let spectrum = amplitudes(&off.points, CYCLES);
     Ok(vec![Figure::new(
         format!(
             "How strongly joint {joint} is off with each number of cycles a turn, each number fitted alone; the \
@@ -202,6 +222,32 @@ pub fn figures(f: &Finding, d: &Diagnosis) -> Result<Vec<Figure>> {
         ),
         plots::spectrum(&format!("cycles per turn of joint {joint}"), "amplitude, mdeg", &spectrum, &cycles)?,
     )])
+}
+
+/// The curve without a known cause over the measurements; `None` of one that is no curve of a single variable at a joint.
+///
+/// # Errors
+/// As [`figures`].
+pub fn of_no_cause(u: &Unexplained, x_label: &str, d: &Diagnosis) -> Result<Option<Figure>> {
+    let Place::Joint(joint) = u.site else { return Ok(None) };
+    let is_own = |t: &&Term| {
+        let of = match t.basis.of {
+            Variable::Joint { joint } => format!("q{joint}"),
+            Variable::Seq => "seq".into(),
+            Variable::Time => "time".into(),
+            _ => return false,
+        };
+        t.effect == UNEXPLAINED && t.site == Site::Joint { joint } && of == u.variable && t.basis.beside.is_none()
+    };
+    let terms: Vec<Term> = d.model.terms.iter().filter(is_own).cloned().collect();
+    let per_si = match terms.first().map(|t| t.basis.of) {
+        Some(Variable::Joint { joint }) => d.model.robot.kind(joint).unit().0,
+        _ => 1.0,
+    };
+    // with another joint's angle it is drawn in the middle of that
+    let alone = !u.region.contains(", with ");
+    let off = if alone { Off::of(terms, &d.model, &d.data)? } else { None };
+    off.map(|off| fitted_curve(&off, (x_label, per_si), d)).transpose()
 }
 
 #[cfg(test)]
@@ -233,18 +279,51 @@ mod tests {
         let data = data(&[(0..12).map(&mut measured).collect()]);
         let off = how_far_off(6, &model, &data).unwrap();
         assert_eq!(off.len(), 12);
-        for (_, q, off) in off {
-            let expected = 0.05 * q.to_radians().sin();
-            assert!((off - expected).abs() < 1e-5, "{q}: {off} {expected}");
+        for (k, off) in off {
+            let q = data.observations[k].state.q[5];
+            let expected = 0.05_f64.to_radians() * q.sin();
+            assert!((off - expected).abs() < 1e-7, "{q}: {off} {expected}");
         }
+    }
+
+    /// A curve without a known cause is drawn over another joint's angle, where it is: in its own session.
+    #[test]
+    fn what_measurements_show_of_a_curve_is_over_what_it_is_one_of() {
+        let mut model = arm();
+        let on = Basis::new(Variable::Joint { joint: 5 }, Shape::Sine { cycles: 1.0 });
+        let mut term = Term::new("c", UNEXPLAINED, Site::Joint { joint: 6 }, Basis { session: Some(2), ..on });
+        term.value = 0.05_f64.to_radians();
+        model.terms.push(term.clone());
+        let forward = Forward::new(model.clone(), Vec::new()).unwrap();
+        let mut ws = forward.workspace();
+        let mut measured = |k: u8, session: u32| {
+            let state = State { session: Some(session), ..pose(k) };
+            let seen = forward.world_from_tool(&state, &mut ws);
+            let rotation = Rotation3::from_matrix_unchecked(seen.rotation);
+            let q = UnitQuaternion::from_rotation_matrix(&rotation);
+            (state, Measured::Pose { position: seen.translation.into(), quaternion: [q.w, q.i, q.j, q.k] })
+        };
+        let sessions = [1, 2].map(|session| (0..6).map(|k| measured(k, session)).collect());
+        let data = data(&sessions);
+        let off = Off::of(vec![term.clone()], &model, &data).unwrap().unwrap();
+        assert_eq!(off.points.iter().map(|p| p.0).collect::<Vec<_>>(), [6, 7, 8, 9, 10, 11]);
+        for (k, x, off) in off.points {
+            assert_eq!(x, data.observations[k].state.q[4]);
+            assert!((off - term.value * x.sin()).abs() < 1e-7, "{x}: {off}");
+        }
+        // with the sense of motion it is no curve of one variable, and without a clock there is no time
+        term.basis.sense = Some(6);
+        assert!(Off::of(vec![term.clone()], &model, &data).unwrap().is_none());
+        (term.basis.sense, term.basis.of) = (None, Variable::Time);
+        assert!(Off::of(vec![term], &model, &data).unwrap().is_none());
     }
 
     #[test]
     fn the_spectrum_of_a_ripple_has_its_number_and_its_size() {
         let points: Vec<(usize, f64, f64)> = (0..300_u32)
             .map(|k| {
-                let q = 170.0 * (f64::from(k) * 0.7).sin();
-                (0, q, 0.008 * (80.0 * q.to_radians()).sin())
+                let q = 3.0 * (f64::from(k) * 0.7).sin();
+                (0, q, 0.008_f64.to_radians() * (80.0 * q).sin())
             })
             .collect();
         let spectrum = amplitudes(&points, 120);
@@ -260,7 +339,8 @@ mod tests {
         let variance = 0.001_f64.to_radians().powi(2);
         let band = |covariance: &[f64], terms: &[Term], middle: f64| {
             let spread = Spread { covariance: covariance.to_vec(), middle: vec![middle; terms.len()] };
-            spread.curve_at(terms, 90.0)
+            let (value, sd) = spread.curve_at(terms, std::f64::consts::FRAC_PI_2);
+            (value.to_degrees(), sd.to_degrees())
         };
         let (value, sd) = band(&[variance], &[term.clone()], 0.0);
         assert!((value - 0.01).abs() < 1e-12 && (sd - 0.001).abs() < 1e-12);

@@ -4,9 +4,10 @@ use super::*;
 
 #[test]
 fn an_error_falls_only_where_it_does() {
-    assert!(whole("this", [0.5, 0.1], 2).contains("falls from 0.50 to 0.10 mm rms"));
+    let falls = whole("this", ", at the same balls", [0.5, 0.1], 2);
+    assert!(falls.contains("did not see, at the same balls falls from 0.50 to 0.10 mm rms"), "{falls}");
     assert_eq!(
-        whole("this", [2.981, 2.979], 2),
+        whole("this", "", [2.981, 2.979], 2),
         "2.98 mm rms is left at poses that the fit did not see: nothing was found that lowers it."
     );
     assert!(alone("A free curve", [0.2, 0.1], 3).ends_with("did not see from 0.200 to 0.100 mm rms."));
@@ -93,6 +94,26 @@ fn joints_and_links_have_errors_and_a_joint_has_one() {
 fn a_wave_says_what_it_is_of() {
     let said = ["wobble_foot_x_sine_2_3", "wobble_y_sine_1_3", "rail_z_sine_1_1"].map(of_wave);
     assert_eq!(said, ["tilt about x, at the foot of the axis", "tilt about y", "rail z"]);
+}
+
+#[test]
+fn waves_within_their_standard_deviation_are_counted_and_not_named() {
+    let wave = |name: &str, shape| {
+        let basis = Basis::new(Variable::Joint { joint: 2 }, shape);
+        Term::new(name, "gear_ripple", Site::Joint { joint: 2 }, basis)
+    };
+    let (mut terms, mut all) = (Vec::new(), Vec::new());
+    for (cycles, size) in [(80.0, 0.004), (160.0, 0.0005), (240.0, 0.0009)] {
+        for (name, shape, value) in [("s", Shape::Sine { cycles }, size), ("c", Shape::Cosine { cycles }, 0.0)] {
+            let name = format!("{name}_{cycles}");
+            terms.push(wave(&name, shape));
+            all.push(Coefficient { name, value, unit: "deg".into(), sd: Some(0.001), cycles: None });
+        }
+    }
+    let told = coefficients(&all, &terms);
+    assert_eq!(told[1..], ["2 more waves smaller than their standard deviations"]);
+    assert!(told[0].starts_with("amplitude at 80 cycles a turn = 4"), "{told:?}");
+    assert_eq!(coefficients(&all[..4], &terms)[1], "1 more wave smaller than its standard deviation");
 }
 
 #[test]

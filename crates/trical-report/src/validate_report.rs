@@ -37,6 +37,17 @@ pub fn cautions(v: &Validation) -> Vec<String> {
     out
 }
 
+/// Of 95 % intervals that hold more of so many coordinates, the standard deviations are too large.
+const MOST_COVERED: f64 = 0.99;
+const FEW: usize = 300;
+
+/// Intervals that are wider than they need be, which does no harm.
+fn too_wide(v: &Validation) -> Option<String> {
+    let covered = v.predicted.as_ref()?.covered;
+    (covered > MOST_COVERED && 3 * v.n >= FEW)
+        .then(|| "These intervals are too wide here: the model is better than it expects.".into())
+}
+
 /// Intervals that are too narrow to be relied on.
 fn too_narrow(v: &Validation) -> Option<String> {
     let covered = v.predicted.as_ref()?.covered;
@@ -112,7 +123,8 @@ pub fn render(v: &Validation, file: &ModelFile, mut made: Made) -> Result<String
     )];
     text.extend(v.sessions.iter().map(|s| format!("{}.", s.in_words())));
     let predicted = v.predicted.as_ref().map(trical_ident::Predicted::in_words);
-    text.extend(v.left_out_in_words(left_out).into_iter().chain(v.beyond_in_words()).chain(predicted));
+    let wide = too_wide(v);
+    text.extend(v.left_out_in_words(left_out).into_iter().chain(v.beyond_in_words()).chain(predicted).chain(wide));
     let parts = |what: &str, of: &mut dyn Iterator<Item = (&str, usize, &ErrorSummary, &ErrorSummary)>| {
         let mut rows = vec![row([
             what,
@@ -169,7 +181,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::test_data::validation;
-    use trical_ident::LeftOut;
+    use trical_ident::{LeftOut, Predicted};
 
     fn page(v: &Validation) -> String {
         let file = ModelFile::unmeasured(v.model.clone());
@@ -195,6 +207,22 @@ mod tests {
         v.sessions[0].learnt = Some(1);
         assert_eq!(cautions(&v), ["The model was fitted to r0.csv: its errors there say nothing about other poses."]);
         assert!(page(&v).contains("Where the model was not fitted it is 0.800 mm in r1.csv on average."));
+    }
+
+    #[test]
+    fn intervals_that_hold_all_of_many_coordinates_are_too_wide() {
+        let mut v = validation(1.0, 0.5);
+        let told = |v: &Validation| page(v).contains("These intervals are too wide here");
+        let holds = |covered| {
+            Some(Predicted { sd_mm: 1.0, parameters_sd_mm: 0.5, covered, covered_visited: None, covered_beyond: None })
+        };
+        // twelve coordinates of four touches may all lie within
+        v.predicted = holds(1.0);
+        assert!(!told(&v));
+        v.n = 100;
+        assert!(told(&v));
+        v.predicted = holds(0.96);
+        assert!(!told(&v));
     }
 
     #[test]

@@ -194,10 +194,10 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
 
 /// Rows of a table of errors: at the poses of the fit, and at others.
 fn error_rows(found: &Calibration) -> Vec<Vec<String>> {
-    let mut rows = vec![vec!["position error, mm".into(), "mean".into(), "rms".into(), "max".into()]];
+    let mut rows = vec![vec!["position error, mm".into(), "mean".into(), "max".into(), "rms".into()]];
     let mut add = |name: &str, e: &ErrorSummary| {
         let mm = |v: f64| format!("{v:.3}");
-        rows.push(vec![name.into(), mm(e.mean_mm), mm(e.rms_mm), mm(e.max_mm)]);
+        rows.push(vec![name.into(), mm(e.mean_mm), mm(e.max_mm), mm(e.rms_mm)]);
     };
     add("nominal arm", &found.before);
     add("identified", &found.errors);
@@ -215,10 +215,10 @@ fn error_rows(found: &Calibration) -> Vec<Vec<String>> {
         add(&format!("poses that the fit did not see, {name}"), &e);
     }
     if let Some(both) = &found.orientation {
-        rows.push(vec!["orientation error, deg".into(), "mean".into(), "rms".into(), "max".into()]);
+        rows.push(vec!["orientation error, deg".into(), "mean".into(), "max".into(), "rms".into()]);
         for (name, e) in ["nominal arm", "identified"].iter().zip(both) {
             let angle = |deg: f64| format!("{deg:.4}");
-            rows.push(vec![(*name).into(), angle(e.mean_deg), angle(e.rms_deg), angle(e.max_deg)]);
+            rows.push(vec![(*name).into(), angle(e.mean_deg), angle(e.max_deg), angle(e.rms_deg)]);
         }
     }
     rows

@@ -10,7 +10,7 @@ use crate::columns;
 use crate::error::{RecordError, Result};
 use crate::mcap::read_recording;
 use crate::open::is_mcap;
-use crate::whole::{behind_links, folder, is_special};
+use crate::whole::{Part, behind_links, folder, is_special};
 
 /// Whether two names lead to one file, which need not be there yet.
 pub fn is_one_file(a: &Path, b: &Path) -> bool {
@@ -43,6 +43,10 @@ pub fn check_output<'a>(path: &Path, inputs: impl IntoIterator<Item = &'a Path>)
         if !is_special(path) && is_one_file(path, &input) {
             return refused("is read, too, and would be replaced; expected another name for what is written".into());
         }
+    }
+    // it is written beside its place first, and goes away again
+    if let (false, Err(e)) = (is_special(path), Part::of(path)) {
+        return refused(format!("cannot write ({e})"));
     }
     Ok(())
 }
@@ -117,6 +121,10 @@ mod tests {
         let says = |path: &Path, input: &Path| check_output(path, [input]).unwrap_err().to_string();
         assert!(says(&at("sub"), &at("x")).contains("is a folder; expected the name of a file"));
         assert!(says(&at("none/x"), &at("y")).contains("does not exist"));
+        // what the system does not let be written is told before the work, and leaves nothing behind
+        assert!(says(&at(&"n".repeat(255)), &at("y")).contains("cannot write ("));
+        check_output(&at("new"), [at("y").as_path()]).unwrap();
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
         std::fs::write(at("old"), "x").unwrap();
         let mut protected = at("old").metadata().unwrap().permissions();
         protected.set_readonly(true);

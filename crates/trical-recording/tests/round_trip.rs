@@ -99,6 +99,13 @@ fn an_mcap_recording_says_what_its_csv_says() {
     same(&back, &r);
     assert_eq!(to_csv(&back).unwrap(), RAIL.as_bytes());
     assert!(matches!(open(&path, Some(6)), Err(RecordError::File { problem, .. }) if problem.contains("has 3 joints")));
+    // which topic is asked of a bag only: of this one it would be passed over
+    let topic = format!("{}#/tracker/pose", path.display());
+    let told = open(Path::new(&topic), None).unwrap_err().to_string();
+    assert!(
+        told.contains("rail.mcap: has its measurements on /measurement") && told.ends_with("without '#/tracker/pose'"),
+        "{told}"
+    );
 }
 
 #[test]

@@ -44,6 +44,12 @@ pub fn read_any<'a>(
     let raw = raw_of(path, &bytes, true)?;
     drop(bytes);
     if !bag::is_bag(&raw) {
+        if let Some(topic) = topic {
+            let problem = format!(
+                "has its measurements on /measurement, as TriCal writes them; expected the file without '#{topic}'"
+            );
+            return Err(RecordError::File { file: path.display().to_string(), problem });
+        }
         return interpret(path, &raw);
     }
     let recording = bag::recording(path, &raw, expected.into(), topic)?;

@@ -79,8 +79,10 @@ fn whole(modelled: &str, of: &str, [before, after]: [f64; 2], decimals: usize) -
             "{after} mm rms is left at poses that the fit did not see{of}: nothing was found that lowers it."
         );
     }
+    // ", at the same balls," in the middle of a sentence
+    let comma = if of.is_empty() { "" } else { "," };
     format!(
-        "With {modelled} in the model, the error at poses that the fit did not see{of} falls from {before} to {after} mm rms."
+        "With {modelled} in the model, the error at poses that the fit did not see{of}{comma} falls from {before} to {after} mm rms."
     )
 }
 

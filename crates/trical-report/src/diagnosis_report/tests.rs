@@ -5,7 +5,7 @@ use super::*;
 #[test]
 fn an_error_falls_only_where_it_does() {
     let falls = whole("this", ", at the same balls", [0.5, 0.1], 2);
-    assert!(falls.contains("did not see, at the same balls falls from 0.50 to 0.10 mm rms"), "{falls}");
+    assert!(falls.contains("did not see, at the same balls, falls from 0.50 to 0.10 mm rms"), "{falls}");
     assert_eq!(
         whole("this", "", [2.981, 2.979], 2),
         "2.98 mm rms is left at poses that the fit did not see: nothing was found that lowers it."

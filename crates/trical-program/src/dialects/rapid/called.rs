@@ -22,6 +22,8 @@ type Each = HashMap<u64, Vec<Vec<(u64, Given)>>>;
 pub(super) enum Given {
     Place(Origin),
     Frame(String),
+    /// A tool or a work object that is no name: an element of a list, a part of a record.
+    Unclear,
 }
 
 /// What calls give to the routines of a file, and what functions return.
@@ -78,10 +80,9 @@ impl Reader<'_> {
         let mut c = self.c;
         let word = c.word();
         c.skip_space();
-        if !word.is_empty() && matches!(c.peek(), b',' | b';' | b'\\' | b')') {
-            let name = self.frame_name(word);
-            self.calls.given.push((argument, Given::Frame(name)));
-        }
+        let is_name = !word.is_empty() && matches!(c.peek(), b',' | b';' | b'\\' | b')');
+        let given = if is_name { Given::Frame(self.frame_name(word)) } else { Given::Unclear };
+        self.calls.given.push((argument, given));
     }
 
     /// A tool or a work object of this name is an argument of the routine that is being read.
@@ -138,19 +139,26 @@ impl Reader<'_> {
     fn comes_from(&mut self, to: u64, origin: Origin, given: &[(u64, Given)], shifted: Option<u32>, depth: usize) {
         let Origin::Name { name, at } = origin else { return self.set_from(to, origin) };
         let shifted = shifted.or_else(|| self.names.shifted_at(name, at));
-        let argument = place_of(given, name);
-        let from: Vec<Origin> = match argument {
-            // what other calls give is theirs
-            Some(one) => self.names.set_within(name).chain([one]).collect(),
-            None if self.names.defines(name) => Vec::new(),
+        let itself = Origin::Name { name, at: shifted.unwrap_or(at) };
+        if self.names.defines(name) || !self.calls.goes_on(depth) {
+            return self.set_from(to, itself);
+        }
+        let from: Vec<Origin> = match place_of(given, name) {
+            // as its caller has it; what other calls give is theirs
+            Some(one) => {
+                let one = match one {
+                    Origin::Name { name, at } => Origin::Name { name, at: shifted.unwrap_or(at) },
+                    other => other,
+                };
+                self.set_from(to, one);
+                self.names.set_within(name).collect()
+            }
             None => self.names.set_anywhere(name).collect(),
         };
-        if from.is_empty() || !self.calls.goes_on(depth) {
-            return self.set_from(to, Origin::Name { name, at: shifted.unwrap_or(at) });
+        if from.is_empty() && place_of(given, name).is_none() {
+            self.set_from(to, itself);
         }
-        for origin in from {
-            self.comes_from(to, origin, if argument.is_some() { &[] } else { given }, shifted, depth + 1);
-        }
+        from.into_iter().for_each(|origin| self.comes_from(to, origin, given, shifted, depth + 1));
     }
 
     /// Says of motions with a tool or a work object that is an argument with which it is in each of the calls.
@@ -177,6 +185,20 @@ impl Reader<'_> {
         }
     }
 
+    /// A name for what the routine sets from what this call gives (`target:=to;`); the same where it does not.
+    fn own_name(&mut self, name: u64, call: (Option<u64>, usize), given: &[(u64, Given)]) -> u64 {
+        let from: Vec<Origin> = self.names.set_anywhere(name).collect();
+        let is_given = |o: &Origin| matches!(o, Origin::Name { name, .. } if place_of(given, *name).is_some());
+        if self.names.defines(name) || !from.iter().any(is_given) {
+            return name;
+        }
+        let own = hashed_as_written(format!("\0{name} in {call:?}").as_bytes());
+        if self.names.set_anywhere(own).next().is_none() {
+            from.into_iter().for_each(|origin| self.comes_from(own, origin, given, None, 0));
+        }
+        own
+    }
+
     /// What a motion means in each call of the routine whose tool or work object it uses.
     fn in_each_call(&mut self, motion: Meant, calls: &Each, depth: usize, out: &mut Vec<Meant>) {
         let with = self.scan.setups.get(motion.setup as usize).cloned().unwrap_or_default();
@@ -189,27 +211,32 @@ impl Reader<'_> {
             }
             return;
         };
-        for given in of_it {
-            let in_call = |name: &Option<String>| {
-                let key = name.as_ref().and_then(|name| self.calls.arguments.get(name)).map(|(key, _)| *key);
-                let frame = given.iter().find_map(|(k, given)| match given {
-                    Given::Frame(frame) if Some(*k) == key => Some(frame.clone()),
-                    _ => None,
-                });
-                frame.or_else(|| name.clone())
+        for (call, given) in of_it.iter().enumerate() {
+            let in_call = |name: &Option<String>, unless_given: Option<&str>| {
+                let argument = name.as_ref().and_then(|name| self.calls.arguments.get(name));
+                let Some((key, _)) = argument.filter(|(_, of)| Some(*of) == routine) else { return name.clone() };
+                match given.iter().find(|(k, _)| k == key) {
+                    Some((_, Given::Frame(frame))) => Some(frame.clone()),
+                    Some(_) => name.clone(),
+                    None => unless_given.map(str::to_owned).or_else(|| name.clone()),
+                }
             };
-            let setup = Setup { tool: in_call(&with.tool), frame: in_call(&with.frame) };
+            // `\WObj?o` of a call that gives none
+            let setup = Setup { tool: in_call(&with.tool, None), frame: in_call(&with.frame, Some("wobj0")) };
             let mut meant = Meant { setup: self.scan.setup(setup.clone()), ..motion };
-            // where the routine sets the target itself, it is followed from there
-            if self.names.set_within(motion.name).next().is_none()
-                && let Some(Origin::Name { name, at }) = place_of(given, motion.name)
-            {
-                meant.name = name;
-                meant.is_shifted |= self.names.shifted_at(motion.name, at).is_some();
+            let is_set = self.names.set_within(motion.name).next().is_some();
+            match place_of(given, motion.name) {
+                Some(Origin::Name { name, at }) if !is_set => {
+                    meant.name = name;
+                    meant.is_shifted |= self.names.shifted_at(motion.name, at).is_some();
+                }
+                None if is_set => meant.name = self.own_name(motion.name, (routine, call), given),
+                _ => {}
             }
-            // what it does not give stays unknown
-            let depth = if setup == with { DEEPEST + 1 } else { depth + 1 };
-            self.in_each_call(meant, calls, depth, out);
+            // what it does not give stays unknown, whatever other calls give
+            let of = |name: &String| self.calls.arguments.get(name).map(|(_, of)| *of);
+            let is_unclear = [&setup.tool, &setup.frame].into_iter().flatten().any(|name| of(name) == routine);
+            self.in_each_call(meant, calls, if is_unclear { DEEPEST } else { depth } + 1, out);
         }
     }
 }

@@ -371,8 +371,8 @@ pub(super) const RAPID: &[Case] = &[
     case(
         "tools and work objects that are arguments",
         "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget p:=@0;\nPROC main()\nGo t,p;\nBack;\nMoveL @2,v1,fine,tool0;\nENDPROC\nPROC Go(PERS tooldata held,robtarget p)\nMoveL p,v1,fine,held;\nENDPROC\nPROC Back(\\PERS wobjdata o)\nMoveL @1,v1,fine,tool0\\WObj?o;\nENDPROC\n",
-        &[2, 6],
-        &[(12, "'o of back' is an argument")],
+        &[2, 6, 12],
+        &[],
     ),
     case(
         "tools and work objects without numbers",
@@ -515,5 +515,11 @@ pub(super) const RAPID: &[Case] = &[
         "CONST robtarget p:=@0;\nCONST robtarget q:=@1;\nPROC main()\nMoveL p,v1,fine,tool0;\nIndAMove Station,1\\ToAbsPos:=q,20;\nIndRMove Station,1\\ToRelNum:=90,20;\nWaitTime 1;\nENDPROC\n",
         &[1],
         &[],
+    ),
+    case(
+        "routines that move to what they set from what they are given",
+        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nPERS wobjdata w:=[FALSE,TRUE,\"\",[[0,0,9],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\nPERS wobjdata list{2};\nCONST robtarget p:=@0;\nCONST robtarget q:=@1;\nCONST robtarget r:=@2;\nPROC main()\nMoveSide p,t\\WObj:=w;\nMoveSide q,tool0;\nMoveSide r,tool0\\WObj:=list{2};\nENDPROC\nPROC MoveSide(robtarget to,PERS tooldata held\\PERS wobjdata WObj)\nVAR robtarget turned;\nturned:=to;\nIF is_left turned:=Turned(to);\nMoveL turned,v1,fine,held\\WObj?WObj;\nENDPROC\nFUNC robtarget Turned(robtarget at)\nat.trans.y:=at.trans.y+5;\nRETURN at;\nENDFUNC\n",
+        &[4, 5],
+        &[(6, "'wobj of moveside' is an argument")],
     ),
 ];

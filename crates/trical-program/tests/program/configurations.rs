@@ -1,0 +1,141 @@
+//! Configurations and turns in the text: they choose the branch, and are rewritten where a joint crosses them.
+
+use trical_model::Model;
+use trical_model::pose::angles_zyx;
+use trical_program::{Dialect, Frames};
+
+use crate::fixtures::{IRB, KR6, LR, UR5E, device, flange, mm, nominal, numbers, pose, quadrant, quaternion, real};
+use crate::run;
+
+#[test]
+fn the_configuration_in_the_text_chooses_the_branch() {
+    let n = nominal(IRB);
+    // the same pose with the wrist flipped: joint 4 half a turn on, joint 5 negative, joint 6 half a turn back
+    for q in [[10.0, 12.0, -8.0, 20.0, 40.0, -30.0], [10.0, 12.0, -8.0, -160.0, -40.0, 150.0]] {
+        let p = flange(&n, &q).compose(&device());
+        let text = format!(
+            "CONST robtarget p:=[[{}],[{}],[{},{},{},{}],[9E9,9E9,9E9,9E9,9E9,9E9]];",
+            numbers(&mm(&p)),
+            quaternion(&p),
+            quadrant(q[0]),
+            quadrant(q[3]),
+            quadrant(q[5]),
+            i32::from(q[4] < 0.0)
+        );
+        let (_, report) = run(text.as_bytes(), Dialect::Rapid, &n, &n, &Frames::default());
+        for (a, b) in report.rows[0].joints.iter().zip(q) {
+            assert!((a.to_degrees() - b).abs() < 1e-3, "{:?} {q:?}", report.rows[0].joints);
+        }
+    }
+}
+
+#[test]
+fn a_quadrant_that_the_correction_crosses_is_rewritten() {
+    let n = nominal(IRB);
+    let real = real(&n);
+    let q = [0.0, 20.0, 5.0, 0.0, 45.0, 0.0];
+    let p = flange(&n, &q).compose(&device());
+    let text = format!(
+        "CONST robtarget p:=[[{}],[{}],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
+        numbers(&mm(&p)),
+        quaternion(&p)
+    );
+    let (out, report) = run(text.as_bytes(), Dialect::Rapid, &n, &real, &Frames::default());
+    let j = report.rows[0].joints;
+    let cf = [j[0], j[3], j[5]].map(|q| quadrant(q.to_degrees()));
+    assert!(cf != [0, 0, 0], "{j:?}");
+    let text = String::from_utf8(out).unwrap();
+    assert!(text.contains(&format!("[{},{},{},0]", cf[0], cf[1], cf[2])), "{text} {j:?}");
+}
+
+#[test]
+fn a_first_target_without_a_configuration_gets_a_caution_whether_a_motion_names_it_or_not() {
+    let n = nominal(KR6);
+    let p = flange(&n, &[10.0, -80.0, 95.0, 20.0, 45.0, -10.0]).compose(&device());
+    let [a, b, c] = angles_zyx(&p.rotation).map(|a| format!("{:.7}", a.to_degrees()));
+    let [x, y, z] = mm(&p).map(|x| format!("{x:.5}"));
+    let place = format!("{{X {x},Y {y},Z {z},A {a},B {b},C {c}}}");
+    for text in [format!("DECL E6POS P[2]\nP[1]={place}\nLIN P[I]\n"), format!("DECL E6POS XP1={place}\n")] {
+        let (_, report) = run(text.as_bytes(), Dialect::Krl, &n, &n, &Frames::default());
+        assert!(report.cautions.iter().any(|c| c.contains("in which configuration")), "{text}: {report:?}");
+    }
+}
+
+#[test]
+fn a_routine_above_the_program_and_a_further_branch_are_met_as_the_program_leaves_the_arm() {
+    let n = nominal(UR5E);
+    let q = [10.0, -78.0, 62.0, -40.0, 60.0, -30.0];
+    let p = flange(&n, &q).compose(&device());
+    let v = trical_model::pose::rotation_vector(&p.rotation);
+    let t = &p.translation;
+    let place = format!("p[{:.8},{:.8},{:.8},{:.9},{:.9},{:.9}]", t.x, t.y, t.z, v.x, v.y, v.z);
+    let near = q.map(|q| format!("{:.6}", f64::to_radians(q))).join(",");
+    let routine = format!("def go():\nmovel({place})\nend\n");
+    let program = format!("movej([{near}])\n");
+    let away = [10.0, -20.0, -62.0, 40.0, -60.0, 150.0].map(|q| format!("{:.6}", f64::to_radians(q))).join(",");
+    let branches = format!("{program}if b:\nmovej([{away}])\nelse:\nmovel({place})\nend\n");
+    for text in [format!("{routine}{program}go()\n"), format!("{program}{routine}go()\n"), branches] {
+        let (_, report) = run(text.as_bytes(), Dialect::UrScript, &n, &real(&n), &Frames::default());
+        let row =
+            report.rows.iter().find(|r| text.lines().nth(r.line - 1).is_some_and(|l| l.starts_with("movel"))).unwrap();
+        let apart = row.joints.iter().zip(q).map(|(a, b)| (a - f64::to_radians(b)).abs()).fold(0.0, f64::max);
+        assert!(apart < 0.05, "{text}: {:?}", row.joints);
+    }
+}
+
+#[test]
+fn a_turn_is_read_and_written_in_its_own_form() {
+    let n = nominal(KR6);
+    // joint 4 comes to the other side of zero
+    let q = [10.0, -80.0, 95.0, 0.0, 45.0, -10.0];
+    let p = flange(&n, &q).compose(&device());
+    let [a, b, c] = angles_zyx(&p.rotation).map(|a| format!("{:.9}", a.to_degrees()));
+    let [x, y, z] = mm(&p).map(|x| format!("{x:.7}"));
+    for (old, new) in [("42", "34"), ("'B101010'", "'B100010'"), ("'b0101010'", "'b0100010'"), ("'H2a'", "'H22'")] {
+        let text = format!("PTP {{X {x},Y {y},Z {z},A {a},B {b},C {c},S 2,T {old}}}\n");
+        let (out, report) = run(text.as_bytes(), Dialect::Krl, &n, &real(&n), &Frames::default());
+        assert!(report.rows[0].joints[3] > 0.0, "{:?}", report.rows[0].joints);
+        let out = String::from_utf8(out).unwrap();
+        assert!(out.contains(&format!("T {new}}}")), "{out}");
+    }
+}
+
+/// A listing that goes to the flange's place at these joints (deg), with turn numbers.
+fn listing(n: &Model, q: &[f64; 6], turns: &str) -> String {
+    let p = pose(0.0, 0.0, 330.0, 0.0, 0.0, 0.0).inverse().compose(&flange(n, q));
+    let [a, b, c] = angles_zyx(&p.rotation).map(|a| format!("{:.9}", a.to_degrees()));
+    let [x, y, z] = mm(&p).map(|x| format!("{x:.7}"));
+    format!(
+        "/PROG A\n/MN\n   1:L P[1] 100mm/sec FINE ;\n/POS\nP[1]{{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, {turns}',\n\tX = {x} mm, Y = {y} mm, Z = {z} mm, W = {c} deg, P = {b} deg, R = {a} deg\n}};\n/END\n"
+    )
+}
+
+#[test]
+fn turns_of_a_fanuc_are_read_and_rewritten_where_a_joint_crosses_them() {
+    let n = nominal(LR);
+    let mut crossed = 0;
+    for (q6, turn) in [(190.0, 1), (-170.0, 0), (179.99999, 0), (-179.99999, 0), (179.95, 0), (-179.95, 0)] {
+        let q = [10.0, 12.0, -8.0, 20.0, -50.0, q6];
+        let text = listing(&n, &q, &format!("0, 0, {turn}"));
+        let (out, report) = run(text.as_bytes(), Dialect::Fanuc, &n, &real(&n), &Frames::default());
+        let reached = report.rows[0].joints[5].to_degrees();
+        assert!((reached - q6).abs() < 1.0, "{q6}: {reached}");
+        let now = ((reached + 180.0) / 360.0).floor() as i32;
+        crossed += i32::from(now != turn);
+        let out = String::from_utf8(out).unwrap();
+        assert!(out.contains(&format!("'N U T, 0, 0, {now}'")), "{q6}: {reached}\n{out}");
+    }
+    // from both places below half a turn
+    assert_eq!(crossed, 2);
+}
+
+#[test]
+fn a_turn_that_a_fanuc_demands_does_not_speak_for_the_other_side_of_the_arm() {
+    let n = nominal(LR);
+    // joints 1 and 4 half a turn further reach the same, with a joint 4 that rounds to the same turn
+    let q = [-13.7, 5.1, -0.8, 180.05, -29.2, 30.0];
+    let text = listing(&n, &q, "0, 1, 0");
+    let (_, report) = run(text.as_bytes(), Dialect::Fanuc, &n, &real(&n), &Frames::default());
+    let reached = report.rows[0].joints.map(f64::to_degrees);
+    assert!((reached[0] - q[0]).abs() < 1.0 && (reached[3] - q[3]).abs() < 1.0, "{reached:?}");
+}

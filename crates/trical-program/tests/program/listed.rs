@@ -1,0 +1,97 @@
+//! Targets that are listed instead of rewritten, and why.
+
+use trical_model::{Axis, Basis, Motion, Site, Term};
+use trical_program::{Dialect, Frames, Options, Program, compensate};
+
+use crate::fixtures::{IRB, nominal, real};
+use crate::{options, run, unmarked};
+
+const TARGET: &str = "[[350,50,320],[0,0.6,0.8,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]";
+
+pub fn problems(body: &str) -> Vec<String> {
+    let n = nominal(IRB);
+    let mut out = Vec::new();
+    let options = Options { any_configuration: true, ..options() };
+    let text = body.replace("TARGET", TARGET);
+    let report = compensate(
+        Program::of_file(text.as_bytes(), "p", Dialect::Rapid, &mut out),
+        &n,
+        &n,
+        &Frames::default(),
+        &options,
+    )
+    .unwrap();
+    report.problems.iter().map(ToString::to_string).collect()
+}
+
+#[test]
+fn what_cannot_be_right_is_listed_with_line_and_name() {
+    let one = |body: &str, words: &[&str]| {
+        let found = problems(body);
+        assert_eq!(found.len(), 1, "{body}: {found:?}");
+        for w in words {
+            assert!(found[0].contains(w), "'{w}' is missing in {found:?}");
+        }
+    };
+    let declare = "\nCONST robtarget p:=TARGET;\n";
+    one(&format!("{declare}MoveL p,v1,fine,tOther;"), &["line 2 (p)", "'tother'", "(frames gives"]);
+    one(&format!("{declare}MoveL p,v1,fine,tool0\\WObj:=w;"), &["'w'", "(frames gives"]);
+    one(
+        &format!(
+            "{declare}MoveL p,v1,fine,tool0;PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];MoveL p,v1,fine,t;"
+        ),
+        &["tool 'tool0' in 'wobj0'", "tool 't'"],
+    );
+    one(
+        &format!(
+            "{declare}PERS tooldata t:=[FALSE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];MoveL p,v1,fine,t;"
+        ),
+        &["robhold"],
+    );
+    one(
+        &format!(
+            "{declare}PERS wobjdata w:=[TRUE,TRUE,\"\",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];MoveL p,v1,fine,tool0\\WObj:=w;"
+        ),
+        &["robhold"],
+    );
+    one("CONST robtarget p:=[[3500,50,320],[0,0.6,0.8,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];", &["out of reach"]);
+    one("CONST robtarget p:=[[350,50,320],[0,0.6,0.9,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];", &["quaternion"]);
+    one("CONST jointtarget p:=[[0,0,0,0,150,0],[9E9,9E9,9E9,9E9,9E9,9E9]];", &["limits"]);
+}
+
+#[test]
+fn a_singular_target_is_listed_and_a_wrong_configuration_too() {
+    let n = nominal(IRB);
+    let real = real(&n);
+    let text = b"CONST jointtarget j:=[[0,0,0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];";
+    let (out, report) = run(text, Dialect::Rapid, &n, &real, &Frames::default());
+    assert!(report.problems[0].what.contains("singular"), "{:?}", report.problems);
+    assert_eq!(unmarked(&out), text);
+    let text = format!("CONST robtarget p:={};", TARGET.replace("[0,0,0,0],[9", "[1,0,0,0],[9"));
+    let (_, report) = run(text.as_bytes(), Dialect::Rapid, &n, &real, &Frames::default());
+    assert!(report.problems[0].what.contains("[1,0,0,0]"), "{:?}", report.problems);
+}
+
+#[test]
+fn what_is_too_far_off_for_a_correction_is_told_so_and_not_called_singular() {
+    let n = nominal(IRB);
+    let with = |motion: Motion, value: f64| {
+        let mut model = n.clone();
+        model.terms.push(Term { value, ..Term::new("off", "tool", Site::Tool(motion), Basis::CONSTANT) });
+        let program = b"q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n10,20,-10,30,60,50\n";
+        run(program, Dialect::Csv, &n, &model, &Frames::default()).1
+    };
+    for (motion, value, words) in [
+        (Motion::About(Axis::Z), -90_f64.to_radians(), "0.0 mm and 90.0 deg off"),
+        (Motion::Along(Axis::X), 0.06, "60.0 mm and 0.0 deg off"),
+    ] {
+        let problem = &with(motion, value).problems[0].what;
+        assert!(
+            problem.contains(words) && problem.contains("own_base leaves") && problem.contains("(tool, frames)"),
+            "{problem}"
+        );
+    }
+    // much, but a correction: joints turn by more than 3 deg for it
+    let report = with(Motion::Along(Axis::X), 0.03);
+    assert!(report.problems.is_empty() && (report.largest_move - 0.03).abs() < 1e-3, "{:?}", report.problems);
+}

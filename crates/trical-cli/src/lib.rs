@@ -20,6 +20,7 @@ mod measure_view;
 mod progress;
 
 use std::ffi::OsString;
+use std::io::Write as _;
 use std::sync::Arc;
 
 use clap::{CommandFactory, Parser, Subcommand};
@@ -91,13 +92,20 @@ fn shown(message: &str) -> String {
     if end < message.len() { text + "..." } else { text }
 }
 
-/// Runs the program with these arguments, the program's own name first, and returns its exit code: 0 where all went well.
-/// Arguments that cannot be read, and `--help`, end the process as clap does (2 and 0).
+/// Runs the program with these arguments, the program's own name first, and returns its exit code: 0 where all went well, 2 where the
+/// arguments cannot be read.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
-    let cli = Cli::parse_from(arguments);
+    let cli = match Cli::try_parse_from(arguments) {
+        Ok(cli) => cli,
+        // the help that was asked for, or what is wrong: of that nobody can be told where it cannot be written
+        Err(e) => {
+            let told = e.print().and_then(|()| std::io::stdout().flush());
+            return if e.use_stderr() { 2 } else { code(written(told)) };
+        }
+    };
     // a file that reached the limit of its size is then an error of writing, and no end in the middle of a motion
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
-    let result = match cli.command {
+    code(match cli.command {
         Command::Identify(args) => commands::identify::run(&args),
         Command::Validate(args) => commands::validate::run(&args),
         Command::Compare(args) => commands::compare::run(&args),
@@ -119,7 +127,11 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Export(args) => commands::export::run(&args),
         Command::Convert(args) => commands::convert::run(&args),
         Command::Completions(args) => commands::completions::run(&args, Cli::command()),
-    };
+    })
+}
+
+/// The exit code; what went wrong is said.
+fn code(result: Result<(), CliError>) -> u8 {
     match result {
         Ok(()) => 0,
         Err(e) => {
@@ -129,11 +141,14 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     }
 }
 
-/// Prints a line on standard output; a reader that went away (`| head`) ends the program quietly.
+/// Prints a line on standard output.
 pub(crate) fn say(text: impl AsRef<str>) -> Result<(), CliError> {
-    use std::io::Write;
-    let mut out = std::io::stdout().lock();
-    match writeln!(out, "{}", text.as_ref()) {
+    written(writeln!(std::io::stdout().lock(), "{}", text.as_ref()))
+}
+
+/// Whether standard output took what was written; a reader that went away (`| head`) ends the program quietly.
+fn written(result: std::io::Result<()>) -> Result<(), CliError> {
+    match result {
         Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => std::process::exit(0),
         other => other.map_err(|e| CliError::Failed(format!("standard output: {e}"))),
     }

@@ -327,7 +327,15 @@ fn a_study_finds_described_arms_again_and_is_the_same_to_the_byte() {
     let d = place.json(&in_cell(&format!("{platform} 3 --side-mm 300,2000 --height-mm 0 --raise-mm 0")));
     assert!(d["platforms"][0]["workspace_mean_mm"].as_f64().unwrap() > 0.0);
     assert!(d["platforms"][1]["problem"].as_str().unwrap().contains("out of reach"), "{d}");
-    place.refuses(&in_cell(&format!("{platform} 2")), &["--balls", "found 2", "expected 3"]);
+    for (asked, words) in [
+        ("platform --balls 2", ["--balls: found 2", "expected 3"]),
+        ("platform --side-mm 9", ["--side-mm: found 9", "expected more than 20"]),
+        ("platform --procedure-mm 21", ["--procedure-mm: found 21", "expected 0 to 20"]),
+        ("touches --per-ball 0", ["--per-ball: found [0]", "expected numbers of 1 to 100"]),
+    ] {
+        place.refuses(&in_cell(&format!("study {asked} --out refused")), &words);
+    }
+    assert!(!place.path("refused").exists());
 }
 
 #[test]
@@ -418,6 +426,13 @@ fn wrong_input_is_noticed() {
     for output in ["--out", "--report", "--certificate"] {
         let done = place.run(&in_cell(&format!("identify run.csv {output} /dev/full")));
         assert_eq!(done.status.code(), Some(1), "{output}: {done:?}");
+    }
+    #[cfg(target_os = "linux")]
+    for asked in [&["--help"][..], &["--version"], &["identify", "--help"], &["effects"]] {
+        let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let done = place.command(asked).stdout(full).output().unwrap();
+        assert_eq!(done.status.code(), Some(1), "{asked:?}: {done:?}");
+        assert!(errors(&done).starts_with("trical: standard output: "), "{asked:?}: {done:?}");
     }
     // files that are no recordings
     place.write("sheet.xlsx", "PK\u{3}\u{4}xl/workbook.xml");

@@ -49,6 +49,12 @@ pub fn made(inputs: &[&Path]) -> Made {
     Made::by(command.collect::<Vec<_>>().join(" "), inputs)
 }
 
+/// A setting of the libraries by its name here.
+pub fn as_option(setting: &str, value: &str) -> String {
+    let option = format!("--{}", setting.replace('_', "-"));
+    if value.is_empty() { option } else { format!("{option} {value}") }
+}
+
 /// An argument as a shell would have to be given it.
 pub fn quoted(arg: std::ffi::OsString) -> String {
     let arg = arg.to_string_lossy();

@@ -8,7 +8,7 @@ use trical_program::{Dialect, Job, Options, ProgramError, Report, Spelling, decl
 use trical_report::table;
 
 use crate::error::{CliError, Result};
-use crate::input::{self, RobotAndCell};
+use crate::input::{self, RobotAndCell, as_option};
 use crate::{say, say_lines};
 
 /// Arguments of `trical compensate`.
@@ -67,12 +67,6 @@ pub struct Args {
     /// A machine-readable summary on standard output
     #[arg(long)]
     json: bool,
-}
-
-/// A setting of the libraries by its name here.
-fn as_option(setting: &str, value: &str) -> String {
-    let option = format!("--{}", setting.replace('_', "-"));
-    if value.is_empty() { option } else { format!("{option} {value}") }
 }
 
 fn failed(out: Option<&PathBuf>) -> impl Fn(ProgramError) -> CliError + '_ {

@@ -4,12 +4,12 @@ use std::path::PathBuf;
 
 use trical_ident::{ParameterSet, write_whole};
 use trical_model::{Cell, Robot, Task};
-use trical_report::study::{self, Platforms, Study as Done};
+use trical_report::study::{self, Platforms, Study as Done, WrongSetting};
 use trical_report::table;
 
 use crate::commands::plan::Best;
 use crate::error::{CliError, Result};
-use crate::input::{RobotAndCell, made, make_folder};
+use crate::input::{RobotAndCell, as_option, made, make_folder};
 use crate::{progress, say, say_lines};
 
 /// Arguments of `trical study`.
@@ -112,10 +112,13 @@ struct PlatformArgs {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     match &args.study {
-        Study::Touches(a) => a
-            .common
-            .perform("study", |robot, cell, task| study::touches(robot, cell, &a.common.asked(), &a.per_ball, task)),
-        Study::Platform(a) => a.common.perform("platforms", |robot, cell, task| {
+        Study::Touches(a) => {
+            let asked = a.common.asked();
+            asked.check().and_then(|()| asked.check_touches(&a.per_ball)).map_err(input)?;
+            a.common.perform("study", |robot, cell, task| study::touches(robot, cell, &asked, &a.per_ball, task))
+        }
+        Study::Platform(a) => {
+            let asked = a.common.asked();
             let platforms = Platforms {
                 touches: a.touches,
                 balls: a.balls.clone(),
@@ -123,8 +126,9 @@ pub fn run(args: &Args) -> Result<()> {
                 height_mm: a.height_mm.clone(),
                 raise_mm: a.raise_mm.clone(),
             };
-            study::platforms(robot, cell, &a.common.asked(), &platforms, task)
-        }),
+            asked.check().and_then(|()| platforms.check()).map_err(input)?;
+            a.common.perform("platforms", |robot, cell, task| study::platforms(robot, cell, &asked, &platforms, task))
+        }
     }
 }
 
@@ -156,10 +160,9 @@ impl Common {
         what: &str,
         work: impl FnOnce(&Robot, &Cell, &Task<'_>) -> trical_report::Result<Done>,
     ) -> Result<()> {
-        self.asked().check().map_err(as_option)?;
         let (robot, cell) = self.cell.load()?;
         make_folder(&self.out)?;
-        let done = progress::with_bar(what, |task| work(&robot, &cell, task)).map_err(as_option)?;
+        let done = progress::with_bar(what, |task| work(&robot, &cell, task))?;
         write_whole(&self.out.join("study.csv"), done.csv.as_bytes())?;
         write_whole(&self.out.join("study.svg"), done.svg.as_bytes())?;
         write_whole(&self.out.join("study.html"), done.html(&made(&self.cell.files()))?.as_bytes())?;
@@ -172,13 +175,6 @@ impl Common {
     }
 }
 
-/// The library names what is wrong as it names its fields: "side_mm: found 5" is the option --side-mm.
-fn as_option(e: trical_report::Error) -> CliError {
-    let text = e.to_string();
-    match (&e, text.split_once(": found")) {
-        (trical_report::Error::Input(_), Some((field, rest))) if !field.contains(' ') => {
-            CliError::Input(format!("--{}: found{rest}", field.replace('_', "-")))
-        }
-        _ => e.into(),
-    }
+fn input(e: WrongSetting) -> CliError {
+    CliError::Input(format!("{}: {}", as_option(e.name, ""), e.problem))
 }

@@ -73,16 +73,39 @@ impl Default for Common {
     }
 }
 
+/// A setting that makes no sense.
+#[derive(Debug, thiserror::Error)]
+#[error("{name}: {problem}")]
+pub struct WrongSetting {
+    /// The field of [`Common`] or [`Platforms`], or `per_ball`.
+    pub name: &'static str,
+    /// What was found, and what was expected.
+    pub problem: String,
+}
+
+impl From<WrongSetting> for Error {
+    fn from(e: WrongSetting) -> Self {
+        Self::Input(e.to_string())
+    }
+}
+
+/// Whether settings make sense.
+type Checked<T = ()> = std::result::Result<T, WrongSetting>;
+
+fn wrong<T>(name: &'static str, problem: String) -> Checked<T> {
+    Err(WrongSetting { name, problem })
+}
+
 impl Common {
     /// Whether these numbers make sense.
     ///
     /// # Errors
     /// Where they do not.
-    pub fn check(&self) -> Result<()> {
+    pub fn check(&self) -> Checked {
         self.nature().map(|_| ())
     }
 
-    fn nature(&self) -> Result<Nature> {
+    fn nature(&self) -> Checked<Nature> {
         let at_least_0 = [
             ("length_mm", self.length_mm),
             ("angle_deg", self.angle_deg),
@@ -92,19 +115,18 @@ impl Common {
         ];
         for (name, value) in at_least_0 {
             if !(value.is_finite() && (0.0..=20.0).contains(&value)) {
-                return Err(Error::Input(format!("{name}: found {value}, expected 0 to 20")));
+                return wrong(name, format!("found {value}, expected 0 to 20"));
             }
         }
         let [low, high] = match self.compliance_deg_per_nm.as_slice() {
             [a, b] if *a > 0.0 && a <= b && b.is_finite() => [a.to_radians(), b.to_radians()],
             other => {
-                return Err(Error::Input(format!(
-                    "compliance_deg_per_nm: found {other:?}, expected a least and a largest one above 0"
-                )));
+                let problem = format!("found {other:?}, expected a least and a largest one above 0");
+                return wrong("compliance_deg_per_nm", problem);
             }
         };
         if self.trials == 0 {
-            return Err(Error::Input("trials: found 0, expected 1 or more".into()));
+            return wrong("trials", "found 0, expected 1 or more".into());
         }
         Ok(Nature {
             length: self.length_mm * 1e-3,
@@ -260,6 +282,25 @@ mod tests {
         let one = Spread::of(std::iter::once(3.0));
         assert_eq!((one.mean, one.low, one.high), (3.0, 3.0, 3.0));
         assert!(Spread::of(std::iter::empty()).mean.is_nan());
+    }
+
+    #[test]
+    fn a_wrong_setting_is_named_beside_its_problem() {
+        let per_ball = Common::default().check_touches(&[5, 101]).unwrap_err();
+        assert_eq!(per_ball.name, "per_ball");
+        assert_eq!(per_ball.problem, "found [5, 101], expected numbers of 1 to 100, the pool of a ball");
+        assert!(Common::default().check_touches(&[1, 100]).is_ok() && Common::default().check_touches(&[0]).is_err());
+        let platforms = |balls: usize, side_mm: f64| {
+            Platforms { touches: 45, balls: vec![balls], side_mm: vec![side_mm], ..Platforms::default() }.check()
+        };
+        assert!(platforms(3, 21.0).is_ok() && platforms(45, 21.0).is_ok());
+        for (balls, side, name) in
+            [(2, 21.0, "balls"), (46, 21.0, "balls"), (3, 20.0, "side_mm"), (3, f64::NAN, "side_mm")]
+        {
+            let e = platforms(balls, side).unwrap_err();
+            assert_eq!(e.name, name);
+            assert_eq!(Error::from(e).to_string().split(':').next(), Some(name));
+        }
     }
 
     #[test]

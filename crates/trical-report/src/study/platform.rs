@@ -9,8 +9,10 @@ use trical_model::{Cell, Robot, Task};
 use trical_plan::{choose_touches, nominal_forward};
 
 use super::simulation::{Nature, Outcome, Poses, calibrate, draw_arm, touch};
-use super::{CURVES, Common, SPHERE, Spread, Study, WORKSPACE, drawn, pool, poses, region, share, trials};
-use crate::error::{Error, Result};
+use super::{
+    CURVES, Checked, Common, SPHERE, Spread, Study, WORKSPACE, drawn, pool, poses, region, share, trials, wrong,
+};
+use crate::error::Result;
 use crate::page::Section;
 use crate::plots::Band;
 use crate::table::csv;
@@ -38,6 +40,24 @@ impl Default for Platforms {
             side_mm: vec![100.0, 200.0, 300.0, 400.0],
             height_mm: vec![0.0, 150.0],
             raise_mm: vec![0.0, 250.0],
+        }
+    }
+}
+
+impl Platforms {
+    /// Whether these numbers make sense.
+    ///
+    /// # Errors
+    /// Where they do not.
+    pub fn check(&self) -> Checked {
+        if let Some(n) = self.balls.iter().find(|n| **n < 3 || **n > self.touches) {
+            let most = self.touches;
+            let expected = "3 (the least that say where {w} is)";
+            return wrong("balls", format!("found {n}, expected {expected} to {most}, the number of touches"));
+        }
+        match self.side_mm.iter().find(|s| !(s.is_finite() && **s > 20.0)) {
+            Some(side) => wrong("side_mm", format!("found {side}, expected more than 20")),
+            None => Ok(()),
         }
     }
 }
@@ -160,15 +180,7 @@ const IN_WORKSPACE: fn(&Errors) -> Spread = |e| e.1;
 /// Numbers that make no sense; a cell whose balls have no middle. A platform that cannot be used is a result.
 pub fn platforms(robot: &Robot, cell: &Cell, common: &Common, args: &Platforms, task: &Task<'_>) -> Result<Study> {
     let nature = &common.nature()?;
-    if let Some(n) = args.balls.iter().find(|n| **n < 3 || **n > args.touches) {
-        return Err(Error::Input(format!(
-            "balls: found {n}, expected 3 (the least that say where {{w}} is) to {}, the number of touches",
-            args.touches
-        )));
-    }
-    if let Some(side) = args.side_mm.iter().find(|s| !(s.is_finite() && **s > 20.0)) {
-        return Err(Error::Input(format!("side_mm: found {side}, expected more than 20")));
-    }
+    args.check()?;
     let poses = &poses(robot, cell, common.seed)?;
     let same = Same { common, touches: args.touches, robot, cell, nature, set: common.set(robot), poses };
     let mut layouts = Vec::new();

@@ -6,8 +6,10 @@ use trical_model::{Cell, Model, Robot, Task};
 use trical_plan::{Candidate, PlanOptions, choose_touches, nominal_forward};
 
 use super::simulation::{Nature, Outcome, calibrate, draw_arm, draw_known, random_touches, touch};
-use super::{CURVES, Common, SPHERE, Spread, Study, WORKSPACE, drawn, pool, poses, region, share, trials};
-use crate::error::{Error, Result};
+use super::{
+    CURVES, Checked, Common, SPHERE, Spread, Study, WORKSPACE, drawn, pool, poses, region, share, trials, wrong,
+};
+use crate::error::Result;
 use crate::page::Section;
 use crate::plots::Band;
 use crate::table::csv;
@@ -81,19 +83,29 @@ const DESCRIBED: &str = "described";
 const CHOSEN: &str = "chosen";
 const RANDOM: &str = "random";
 
+impl Common {
+    /// The most touches of a ball, where these numbers of them make sense.
+    ///
+    /// # Errors
+    /// Where they do not.
+    pub fn check_touches(&self, per_ball: &[usize]) -> Checked<usize> {
+        match per_ball.iter().copied().max() {
+            Some(most) if !per_ball.contains(&0) && most <= self.pool => Ok(most),
+            _ => wrong(
+                "per_ball",
+                format!("found {per_ball:?}, expected numbers of 1 to {}, the pool of a ball", self.pool),
+            ),
+        }
+    }
+}
+
 /// The paper's simulation: `per_ball` has the numbers of touches a ball that are tried.
 ///
 /// # Errors
 /// Numbers that make no sense; a cell without balls, or whose balls the arm cannot touch.
 pub fn touches(robot: &Robot, cell: &Cell, common: &Common, per_ball: &[usize], task: &Task<'_>) -> Result<Study> {
     let nature = common.nature()?;
-    let most = per_ball.iter().copied().max().unwrap_or(0);
-    if per_ball.is_empty() || per_ball.contains(&0) || most > common.pool {
-        return Err(Error::Input(format!(
-            "per_ball: found {:?}, expected numbers of 1 to {}, the pool of a ball",
-            per_ball, common.pool
-        )));
-    }
+    let most = common.check_touches(per_ball)?;
     let set = common.set(robot);
     let known = model_of_touches(robot, cell, set)?;
     let options = common.options(&known);

@@ -5,8 +5,9 @@ use trical_model::{Place, Robot};
 use crate::diagnosis::{Finding, RowKind, Unexplained, Verdict, VerdictRow};
 use crate::effect_id::{EffectId, UNEXPLAINED};
 use crate::effects::Family;
-pub use crate::words::{coefficient, region, small, variable};
+pub use crate::effects::coefficient;
 use crate::words::{numbered, percents, period, variables};
+pub use crate::words::{region, small, variable};
 pub use trical_ident::compare::capital;
 
 /// From here on a claim is said as a fact.

@@ -30,51 +30,6 @@ pub fn small(text: &str) -> String {
     chars.next().map_or_else(String::new, |c| c.to_lowercase().collect::<String>() + chars.as_str())
 }
 
-/// What coefficients of findings are, by the beginning of their names; and what an axis behind it is to them.
-const COEFFICIENTS: [(&str, &str, &str); 26] = [
-    ("ball_", "place", "along"),
-    ("beta", "second twist", ""),
-    ("coupling", "coupling factor", ""),
-    ("cross", "tilt for each Nm", ""),
-    ("expansion", "growth of all lengths", ""),
-    ("fixture_drift", "drift", "along"),
-    ("fixture_shift", "jump", "along"),
-    ("frame_drift", "drift", "along"),
-    ("friction_by_load", "wind-up for each Nm of load", ""),
-    ("friction", "wind-up without load", ""),
-    ("gain", "error of the gain", ""),
-    ("gravity", "gravity", "along"),
-    ("half_gap", "half of the gap", ""),
-    ("indicator_drift", "drift", ""),
-    ("lag", "share of the way from the read to the commanded angle", ""),
-    ("payload_mass", "mass beyond that in cell.toml", ""),
-    ("payload_moment", "mass times distance beyond that in cell.toml", "along"),
-    ("rail_bend", "bend", ""),
-    ("rail_turn", "turn of the carriage from end to end", "about"),
-    ("ratio", "error of the ratio", ""),
-    ("skew", "share of another indicator in the reading", ""),
-    ("stiffness", "deflection that is not in proportion", ""),
-    ("thermal_zero", "drift of the zero", ""),
-    ("tool_drift", "drift", "along"),
-    ("tool_shift", "jump", "along"),
-    ("zero_shift", "jump of the zero", ""),
-];
-
-/// What a coefficient of a finding is, in words: "half_gap_3" is "half of the gap", "tool_shift_x_2" the "jump along x".
-#[must_use]
-pub fn coefficient(name: &str) -> String {
-    let Some((_, words, to_axis)) = COEFFICIENTS.iter().find(|(begins, ..)| name.starts_with(begins)) else {
-        return name.replace('_', " ");
-    };
-    let bare = name.trim_end_matches(|c: char| c == '_' || c.is_ascii_digit());
-    let axis = bare.rsplit('_').next().unwrap_or_default();
-    match (axis.len(), axis.strip_prefix('r').unwrap_or(axis)) {
-        (1, axis @ ("x" | "y" | "z")) if !to_axis.is_empty() => format!("{words} {to_axis} {axis}"),
-        (2, axis @ ("x" | "y" | "z")) => format!("{words} about {axis}"),
-        _ => (*words).to_owned(),
-    }
-}
-
 /// A variable in words: "q4" is "the angle of joint 4", or its position where it slides.
 #[must_use]
 pub fn variable(name: &str, robot: &Robot) -> String {
@@ -128,24 +83,6 @@ pub(crate) fn variables(names: &[&str], robot: &Robot) -> String {
 mod tests {
     use super::*;
     use crate::test_data::arm;
-
-    #[test]
-    fn coefficients_are_said_in_words() {
-        for (name, words) in [
-            ("half_gap_gravity_3", "half of the gap"),
-            ("tool_shift_x_2", "jump along x"),
-            ("frame_drift_rz", "drift about z"),
-            ("ball_2_y", "place along y"),
-            ("rail_turn_z", "turn of the carriage from end to end about z"),
-            ("coupling_5_from_4", "coupling factor"),
-            ("friction_by_load_2", "wind-up for each Nm of load"),
-            ("payload_mass", "mass beyond that in cell.toml"),
-            ("indicator_drift_x", "drift"),
-            ("new_one_4", "new one 4"),
-        ] {
-            assert_eq!(coefficient(name), words);
-        }
-    }
 
     #[test]
     fn regions_are_said_in_words() {

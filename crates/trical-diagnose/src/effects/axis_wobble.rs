@@ -2,7 +2,7 @@
 
 use trical_model::{Axis, Basis, Parameter, Place, Scope, Shape, Site, Variable};
 
-use super::effect::{Asked, Effect, Family, Pivot, Remedy, Size, deg, turning};
+use super::effect::{Asked, Effect, Family, Pivot, Remedy, Size, WAVES, deg, turning};
 use crate::candidate::{Candidate, Physical};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
@@ -17,6 +17,7 @@ pub const EFFECT: Effect = Effect {
     needs: "-",
     typical: "0.003 to 0.03 deg",
     rivals: "joint_harmonic, axis_twist, geometry",
+    coefficients: WAVES,
     action: "Let the calibrated model correct it; where it grows, have the bearing checked.",
     remedy: Remedy::WiderRange,
     follows_torque: false,

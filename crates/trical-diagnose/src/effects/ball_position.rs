@@ -17,6 +17,7 @@ pub const EFFECT: Effect = Effect {
     needs: "touches",
     typical: "0.01 to 0.2 mm",
     rivals: "the base (mostly absorbed); the other balls, where there are three",
+    coefficients: &[("ball", "place", "along")],
     action: "Measure the distances of the balls again.",
     remedy: Remedy::SecondInstrument,
     follows_torque: false,

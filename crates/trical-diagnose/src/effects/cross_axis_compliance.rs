@@ -17,6 +17,7 @@ pub const EFFECT: Effect = Effect {
     needs: "masses",
     typical: "1e-5 to 4e-4 rad/Nm on a small arm, less on one that carries more",
     rivals: "payload, axis_wobble; mostly absorbed by the geometry",
+    coefficients: &[("cross", "tilt for each Nm", "")],
     action: "Tighten the bolts of base and bearing, and have the bearing checked.",
     remedy: Remedy::SignOfTorque,
     follows_torque: false,

@@ -29,6 +29,9 @@ pub struct Effect {
     pub typical: &'static str,
     /// What it is easily taken for.
     pub rivals: &'static str,
+    /// What its coefficients are, by the beginning of their names; [`WAVES`] where they are waves.
+    #[serde(skip)]
+    pub coefficients: &'static [CoefficientWords],
     /// What the owner of the arm can do: one sentence.
     pub action: &'static str,
     /// What would make it visible, where touches do not show it.
@@ -41,6 +44,13 @@ pub struct Effect {
     #[serde(skip)]
     pub(crate) ask: fn(&Covariates<'_>) -> Asked,
 }
+
+/// How a name of a coefficient begins; what it is, in words; and what an axis at the end of the name is to it: "along", "about", or nothing
+/// where it is not told.
+pub type CoefficientWords = (&'static str, &'static str, &'static str);
+
+/// Sines and cosines are told by their amplitude.
+pub(crate) const WAVES: &[CoefficientWords] = &[];
 
 /// Effects of one mechanism.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]

@@ -6,7 +6,7 @@
 
 use trical_model::{Basis, Place, Scope, Shape, Site, Term, Variable};
 
-use super::effect::{Asked, Effect, Family, Part, Remedy, deg, turning};
+use super::effect::{Asked, Effect, Family, Part, Remedy, WAVES, deg, turning};
 use crate::candidate::cycles_of;
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
@@ -24,6 +24,7 @@ pub const EFFECT: Effect = Effect {
     needs: "joints, twelve poses and more for every wave",
     typical: "0.02 to 0.12 deg peak to peak",
     rivals: "joint_harmonic (its first waves), gear_ripple (a line at the gear's number), a curve over one stroke",
+    coefficients: WAVES,
     action: "Let the calibrated model correct it; the maker can linearise the encoder.",
     remedy: Remedy::WiderRange,
     follows_torque: false,

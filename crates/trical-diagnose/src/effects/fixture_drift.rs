@@ -16,6 +16,7 @@ pub const EFFECT: Effect = Effect {
     needs: "time or order",
     typical: "0.03 to 0.25 mm",
     rivals: "thermal_zero_drift",
+    coefficients: &[("fixture_drift", "drift", "along")],
     action: "Fasten the platform of the balls and the base, and keep its temperature steady.",
     remedy: Remedy::Repeats,
     follows_torque: false,

@@ -16,6 +16,7 @@ pub const EFFECT: Effect = Effect {
     needs: "time or order",
     typical: "0.03 to 0.25 mm",
     rivals: "joint_zero_shift",
+    coefficients: &[("fixture_shift", "jump", "along")],
     action: "Fasten the platform of the balls and the base, and measure again.",
     remedy: Remedy::Repeats,
     follows_torque: false,

@@ -16,6 +16,7 @@ pub const EFFECT: Effect = Effect {
     needs: "time or order, an optical instrument",
     typical: "0.01 to 0.2 mm",
     rivals: "fixture_drift, thermal_growth",
+    coefficients: &[("frame_drift", "drift", "along")],
     action: "Fasten the instrument, let it warm up, and measure reference points in between.",
     remedy: Remedy::Repeats,
     follows_torque: false,

@@ -16,6 +16,7 @@ pub const EFFECT: Effect = Effect {
     needs: "-",
     typical: "1e-4 to 1e-3",
     rivals: "joint_harmonic with n = 1",
+    coefficients: &[("ratio", "error of the ratio", "")],
     action: "Correct the ratio in the controller, or let the calibrated model do so.",
     remedy: Remedy::WiderRange,
     follows_torque: false,

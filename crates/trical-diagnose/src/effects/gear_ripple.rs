@@ -3,7 +3,7 @@
 
 use trical_model::{Basis, Place, Scope, Shape, Site, Variable};
 
-use super::effect::{Asked, Effect, Family, Remedy, Size, arcsec};
+use super::effect::{Asked, Effect, Family, Remedy, Size, WAVES, arcsec};
 use crate::candidate::Candidate;
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
@@ -20,6 +20,7 @@ pub const EFFECT: Effect = Effect {
     needs: "joints to 0.01 deg",
     typical: "5 to 30 arcsec",
     rivals: "its own aliases",
+    coefficients: WAVES,
     action: "Let the calibrated model correct it; where it grows, have the gear checked for wear.",
     remedy: Remedy::WiderRange,
     follows_torque: false,

@@ -17,6 +17,7 @@ pub const EFFECT: Effect = Effect {
     needs: "masses",
     typical: "0.5 to 2 deg",
     rivals: "mostly absorbed by the base",
+    coefficients: &[("gravity", "gravity", "along")],
     action: "Level the base, or tell the controller how it stands.",
     remedy: Remedy::SignOfTorque,
     follows_torque: false,

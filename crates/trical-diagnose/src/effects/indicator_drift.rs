@@ -16,6 +16,7 @@ pub const EFFECT: Effect = Effect {
     needs: "time or order",
     typical: "0.02 mm/h",
     rivals: "tool_drift",
+    coefficients: &[("indicator_drift", "drift", "")],
     action: "Let the gauge warm up, and measure its zero in between.",
     remedy: Remedy::Repeats,
     follows_torque: false,

@@ -18,6 +18,7 @@ pub const EFFECT: Effect = Effect {
     needs: "readings with a spread",
     typical: "0.5 to 8 %",
     rivals: "invisible if every reading is nulled",
+    coefficients: &[("gain", "error of the gain", "")],
     action: "Have the indicator calibrated.",
     remedy: Remedy::DeflectedReadings,
     follows_torque: false,

@@ -16,6 +16,7 @@ pub const EFFECT: Effect = Effect {
     needs: "readings with a spread",
     typical: "0.5 to 1.5 deg",
     rivals: "invisible if every reading is nulled",
+    coefficients: &[("skew", "share of another indicator in the reading", "")],
     action: "Have the device aligned, or its indicators calibrated together.",
     remedy: Remedy::DeflectedReadings,
     follows_torque: false,

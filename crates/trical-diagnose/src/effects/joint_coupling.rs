@@ -18,6 +18,7 @@ pub const EFFECT: Effect = Effect {
     needs: "-",
     typical: "2e-4 to 2e-3",
     rivals: "gear_ratio",
+    coefficients: &[("coupling", "coupling factor", "")],
     action: "Correct the coupling factor in the controller, or let the calibrated model do so.",
     remedy: Remedy::WiderRange,
     follows_torque: false,

@@ -2,7 +2,7 @@
 
 use trical_model::{Basis, Place, Scope, Shape, Site, Variable};
 
-use super::effect::{Asked, Effect, Family, Remedy, Size, deg, turning};
+use super::effect::{Asked, Effect, Family, Remedy, Size, WAVES, deg, turning};
 use crate::covariates::Covariates;
 use crate::effect_id::EffectId;
 
@@ -16,6 +16,7 @@ pub const EFFECT: Effect = Effect {
     needs: "-",
     typical: "0.005 to 0.03 deg",
     rivals: "gear_ratio on short strokes",
+    coefficients: WAVES,
     action: "Let the calibrated model correct it, or have the encoder and the gear centred.",
     remedy: Remedy::WiderRange,
     follows_torque: false,

@@ -16,6 +16,7 @@ pub const EFFECT: Effect = Effect {
     needs: "time or order",
     typical: "0.01 to 0.06 deg",
     rivals: "fixture_shift, tool_shift",
+    coefficients: &[("zero_shift", "jump of the zero", "")],
     action: "Have encoder, battery and belt checked, and measure again.",
     remedy: Remedy::Repeats,
     follows_torque: false,

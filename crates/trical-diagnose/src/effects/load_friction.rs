@@ -16,6 +16,7 @@ pub const EFFECT: Effect = Effect {
     needs: "sense of motion, masses",
     typical: "2 to 120 arcsec",
     rivals: "lost_motion_direction",
+    coefficients: &[("friction_by_load", "wind-up for each Nm of load", ""), ("friction", "wind-up without load", "")],
     action: "Have lubrication and preload checked, or let programs approach from one side.",
     remedy: Remedy::BothSenses,
     follows_torque: false,

@@ -16,6 +16,7 @@ pub const EFFECT: Effect = Effect {
     needs: "sense of motion",
     typical: "b 2 to 120 arcsec",
     rivals: "load_friction; invisible if every approach has one sense",
+    coefficients: &[("half_gap", "half of the gap", "")],
     action: "Have the gear's preload checked, or let programs approach from one side.",
     remedy: Remedy::BothSenses,
     follows_torque: false,

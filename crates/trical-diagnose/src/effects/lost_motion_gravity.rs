@@ -19,6 +19,7 @@ pub const EFFECT: Effect = Effect {
     needs: "masses",
     typical: "0.01 to 0.04 deg",
     rivals: "nonlinear_stiffness; the zero offset where tau_j never changes sign",
+    coefficients: &[("half_gap_gravity", "half of the gap", "")],
     action: "Have the gear's preload checked, or keep the joint loaded in one direction.",
     remedy: Remedy::SignOfTorque,
     follows_torque: true,

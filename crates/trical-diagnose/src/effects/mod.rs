@@ -7,7 +7,7 @@
 
 mod effect;
 
-pub use effect::{Effect, Family, Remedy};
+pub use effect::{CoefficientWords, Effect, Family, Remedy};
 pub use encoder_error::further_wave;
 pub use gear_ripple::ripple;
 pub use trical_model::Scope;
@@ -32,6 +32,22 @@ impl EffectId {
     }
 }
 
+/// What a coefficient of a finding is, in words: "half_gap_3" is "half of the gap", "tool_shift_x_2" the "jump along x".
+#[must_use]
+pub fn coefficient(name: &str) -> String {
+    let told = EFFECTS.iter().flat_map(|e| e.coefficients).filter(|(begins, ..)| name.starts_with(begins));
+    let Some((_, words, to_axis)) = told.max_by_key(|(begins, ..)| begins.len()) else {
+        return name.replace('_', " ");
+    };
+    let bare = name.trim_end_matches(|c: char| c == '_' || c.is_ascii_digit());
+    let axis = bare.rsplit('_').next().unwrap_or_default();
+    match (axis.len(), axis.strip_prefix('r').unwrap_or(axis)) {
+        (1, axis @ ("x" | "y" | "z")) if !to_axis.is_empty() => format!("{words} {to_axis} {axis}"),
+        (2, axis @ ("x" | "y" | "z")) => format!("{words} about {axis}"),
+        _ => (*words).to_owned(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -45,6 +61,53 @@ mod tests {
             assert_eq!(effect.id, id);
             assert_eq!(EffectId::named(id.name()), Some(id));
             assert!(!effect.title.is_empty() && effect.action.ends_with('.'), "{id}");
+        }
+    }
+
+    #[test]
+    fn coefficients_are_said_in_words() {
+        for (name, words) in [
+            ("half_gap_gravity_3", "half of the gap"),
+            ("tool_shift_x_2", "jump along x"),
+            ("frame_drift_rz", "drift about z"),
+            ("ball_2_y", "place along y"),
+            ("rail_turn_z", "turn of the carriage from end to end about z"),
+            ("coupling_5_from_4", "coupling factor"),
+            ("friction_by_load_2", "wind-up for each Nm of load"),
+            ("payload_mass", "mass beyond that in cell.toml"),
+            ("indicator_drift_x", "drift"),
+            ("new_one_4", "new one 4"),
+        ] {
+            assert_eq!(coefficient(name), words);
+        }
+    }
+
+    #[test]
+    fn every_coefficient_begins_as_one_of_its_effects_words_and_no_words_are_left_over() {
+        let mut model = arm();
+        let moved = |k: f64| {
+            let mut q = [0.0; MAX_JOINTS];
+            q[..6].fill((0.7 * k).sin());
+            let sense = if (0.7 * k).cos() > 0.0 { 1 } else { -1 };
+            let q_commanded = Some(q.map(|q| q + 1e-3 * f64::from(sense)));
+            State { dir: Some([sense; MAX_JOINTS]), q_commanded, t: Some(60.0 * k), ..State::at(&q) }
+        };
+        let data = states(900, moved);
+        let mut used = std::collections::BTreeSet::<&CoefficientWords>::new();
+        for kind in [JointKind::Revolute, JointKind::Prismatic] {
+            model.robot.joints[0].kind = kind;
+            let recorded = Covariates::new(&model, &data, 1e-5).deflected(true);
+            for effect in EFFECTS {
+                for term in (effect.ask)(&recorded).candidates.iter().flat_map(|c| &c.terms) {
+                    let word = effect.coefficients.iter().find(|(begins, ..)| term.name.starts_with(begins));
+                    assert_eq!(word.is_none(), term.basis.shape.cycles().is_some(), "{}", term.name);
+                    used.extend(word);
+                }
+            }
+        }
+        // frames are of optical instruments
+        for word in EFFECTS.iter().filter(|e| e.id != EffectId::FrameDrift).flat_map(|e| e.coefficients) {
+            assert!(used.contains(word), "{word:?}");
         }
     }
 

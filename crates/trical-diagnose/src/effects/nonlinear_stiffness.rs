@@ -18,6 +18,7 @@ pub const EFFECT: Effect = Effect {
     needs: "masses",
     typical: "15 to 50 % of c tau",
     rivals: "lost_motion_gravity",
+    coefficients: &[("stiffness", "deflection that is not in proportion", "")],
     action: "Let the calibrated model correct it.",
     remedy: Remedy::SignOfTorque,
     follows_torque: true,

@@ -17,6 +17,10 @@ pub const EFFECT: Effect = Effect {
     needs: "masses",
     typical: "0.2 to 1 kg, 10 to 50 mm",
     rivals: "compliance, cross_axis_compliance",
+    coefficients: &[
+        ("payload_mass", "mass beyond that in cell.toml", ""),
+        ("payload_moment", "mass times distance beyond that in cell.toml", "along"),
+    ],
     action: "Weigh the tool; correct cell.toml and the controller.",
     remedy: Remedy::KnownPayload,
     follows_torque: false,

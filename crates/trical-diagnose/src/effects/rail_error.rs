@@ -18,6 +18,7 @@ pub const EFFECT: Effect = Effect {
     needs: "an arm on a rail",
     typical: "0.1 to 1 mm, 0.01 to 0.1 deg",
     rivals: "gear_ratio of joint 1 (the rail's scale), frame_drift where the rail was gone along once",
+    coefficients: &[("rail_bend", "bend", ""), ("rail_turn", "turn of the carriage from end to end", "about")],
     action: "Let the calibrated model correct it, or have the rail levelled and aligned.",
     remedy: Remedy::WiderRange,
     follows_torque: false,

@@ -16,6 +16,7 @@ pub const EFFECT: Effect = Effect {
     needs: "temperature, time or order",
     typical: "12e-6 to 26e-6 / K",
     rivals: "frame_drift, thermal_zero_drift",
+    coefficients: &[("expansion", "growth of all lengths", "")],
     action: "Let the arm warm up first, or record its temperature.",
     remedy: Remedy::Repeats,
     follows_torque: false,

@@ -16,6 +16,7 @@ pub const EFFECT: Effect = Effect {
     needs: "temperature, time or order",
     typical: "0.005 to 0.06 deg",
     rivals: "fixture_drift, thermal_growth",
+    coefficients: &[("thermal_zero", "drift of the zero", "")],
     action: "Let the arm warm up first, or record its temperature.",
     remedy: Remedy::Repeats,
     follows_torque: false,

@@ -16,6 +16,7 @@ pub const EFFECT: Effect = Effect {
     needs: "time or order",
     typical: "0.03 to 0.25 mm",
     rivals: "indicator_drift",
+    coefficients: &[("tool_drift", "drift", "along")],
     action: "Fasten the device on the flange, and keep its temperature steady.",
     remedy: Remedy::Repeats,
     follows_torque: false,

@@ -16,6 +16,7 @@ pub const EFFECT: Effect = Effect {
     needs: "time or order",
     typical: "0.03 to 0.25 mm",
     rivals: "joint_zero_shift of joint 6 (exactly)",
+    coefficients: &[("tool_shift", "jump", "along")],
     action: "Fasten the device on the flange, and measure again.",
     remedy: Remedy::Repeats,
     follows_torque: false,

@@ -122,8 +122,7 @@ pub fn _plan<'py>(
         Ok(Told::new(&model, plan, options)?)
     })?;
     let arrays = touches(py, &robot, &told.plan.entries);
-    // an option of the command line by its name here
-    let said = told.json().to_string().replace("--max-tilt-deg", "max_tilt");
+    let said = told.json().to_string();
     Ok((arrays, said, PyOutcome(Outcome::Planned(Box::new((robot, cell, told))))))
 }
 

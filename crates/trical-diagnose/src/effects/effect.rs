@@ -102,7 +102,7 @@ impl Remedy {
         match self {
             Self::SignOfTorque => {
                 "a second plate, high and close to the base, so that the arm folds back over its shoulder, and a device that may \
-                 tilt further (--max-tilt-deg): gravity torques must change sign"
+                 tilt further from straight down: gravity torques must change sign"
             }
             Self::KnownPayload => "some touches with another, known payload",
             Self::BothSenses => "more touches that are approached in both senses of the joint's motion",

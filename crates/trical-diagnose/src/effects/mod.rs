@@ -61,6 +61,8 @@ mod tests {
             assert_eq!(effect.id, id);
             assert_eq!(EffectId::named(id.name()), Some(id));
             assert!(!effect.title.is_empty() && effect.action.ends_with('.'), "{id}");
+            // whoever asks has a name of their own for it
+            assert!(!effect.remedy.words().contains("--"), "{id}");
         }
     }
 

@@ -142,3 +142,23 @@ pub fn left_jacobian_inverse(v: &Vector3<f64>) -> Matrix3<f64> {
     };
     Matrix3::identity() - k * 0.5 + k * k * coefficient
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_quaternion_says_the_rotation_that_it_is_of_and_has_no_negative_w() {
+        for k in 0..20 {
+            let angle = |step: f64| 3.1 * (f64::from(k) * step).sin();
+            let r = rotation_zyx(angle(1.0), angle(2.3), angle(0.7));
+            let [w, x, y, z] = quaternion_from_rotation(&r);
+            assert!(w >= 0.0 && (w * w + x * x + y * y + z * z - 1.0).abs() < 1e-12);
+            assert!((rotation_from_quaternion([w, x, y, z]) - r).amax() < 1e-12);
+        }
+        // a quarter turn about z
+        let [w, x, y, z] = quaternion_from_rotation(&rotation_z(std::f64::consts::FRAC_PI_2));
+        let half = 0.5_f64.sqrt();
+        assert!((w - half).abs() < 1e-12 && (z - half).abs() < 1e-12 && x.abs() + y.abs() < 1e-12);
+    }
+}

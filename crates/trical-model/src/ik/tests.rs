@@ -510,3 +510,21 @@ fn other_arms_and_arms_with_terms_take_the_general_way() {
     model.terms.push(Term::new("a_2", "test", Site::Link { link: 2, parameter: Parameter::A }, Basis::CONSTANT));
     assert!(Forward::new(model, vec![]).unwrap().usual.is_none());
 }
+
+#[test]
+fn an_arm_of_five_joints_comes_back_to_the_joints_of_a_pose_that_it_had() {
+    let forward = nominal(&IRB_120[..5]);
+    let (mut ws, mut rng) = (forward.workspace(), StdRng::seed_from_u64(5));
+    for _ in 0..10 {
+        let q = random_joints(&forward.model().robot, &mut rng, 0.6);
+        let pose = forward.world_from_tool(&State::at(&q), &mut ws);
+        let found = all_closest(&forward, &pose, &State::at(&q), &mut ws, |_| false).unwrap();
+        let apart = |a: &Joints| a.iter().zip(&q).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(apart(&found[0]) < 1e-6, "{found:?} {q:?}");
+        let enough = all_closest(&forward, &pose, &State::at(&q), &mut ws, |_| true).unwrap();
+        assert_eq!(enough.len(), 1);
+    }
+    let mut far = forward.world_from_tool(&State::at(&[0.0; 5]), &mut ws);
+    far.translation.x += 9.0;
+    assert!(all_closest(&forward, &far, &State::at(&[0.0; 5]), &mut ws, |_| true).is_err());
+}

@@ -536,3 +536,21 @@ fn no_zero_is_written_with_a_sign() {
     let text = super::write(&Robot::empty("none"), &cell, &[]);
     assert!(text.contains("<origin xyz=\"0 0 0\" rpy=\"0 0 0\"/>") && !text.contains("-0"), "{text}");
 }
+
+/// What a tool changer moves beyond the flange is not the arm, though nothing calls it a finger.
+#[test]
+fn an_end_with_the_name_of_a_flange_comes_before_one_that_moves_more() {
+    let joint = |k: usize, kind: &str, child: &str| {
+        format!(
+            "<link name='{child}'/><joint name='j{k}' type='{kind}'><parent link='l{}'/><child link='{child}'/>\
+             <origin xyz='0.1 0 0.1'/><axis xyz='0 {} {}'/><limit lower='-1' upper='1'/></joint>",
+            k.min(7) - 1,
+            k % 2,
+            (k + 1) % 2
+        )
+    };
+    let arm: String = (1..=6).map(|k| joint(k, "revolute", &format!("l{k}"))).collect();
+    let ends = joint(7, "fixed", "flange") + &joint(8, "prismatic", "slider");
+    let e = refused(&format!("<robot name='r'><link name='l0'/>{arm}{ends}</robot>"), None, None);
+    assert!(e.contains("flange") && e.contains("slider") && e.ends_with(":flange"), "{e}");
+}

@@ -640,3 +640,19 @@ pub fn parse_csv(bytes: &[u8], file: &str, joints: usize) -> Result<Recording> {
     let notes = if said.is_empty() { Vec::new() } else { vec![format!("{file}: {}", said.join("; "))] };
     Ok(Recording { name: file.to_owned(), joints, prismatic, places: places.into_names(), rows, notes })
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+
+    #[test]
+    fn a_line_that_does_not_end_is_told_with_its_number() {
+        let path = tempfile::tempdir().unwrap().keep().join("long.csv");
+        std::fs::write(&path, format!("a\nb\n{}", "x".repeat(3 * LONGEST_LINE))).unwrap();
+        let e = whole_lines(&path).unwrap_err().to_string();
+        std::fs::remove_dir_all(path.parent().unwrap()).unwrap();
+        assert!(e.contains("line 3 is longer than"), "{e}");
+    }
+}

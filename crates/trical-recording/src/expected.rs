@@ -22,3 +22,16 @@ impl<'a> From<&'a Robot> for Expected<'a> {
         Self { joints: Some(robot.dof()), names: &robot.joint_names }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_a_robot_its_joints_are_expected_by_their_names() {
+        let mut robot = Robot::empty("arm");
+        robot.joint_names = vec!["a".into(), "b".into()];
+        let expected = Expected::from(&robot);
+        assert_eq!((expected.joints, expected.names), (Some(0), &robot.joint_names[..]));
+    }
+}

@@ -391,4 +391,13 @@ mod tests {
             let _ = row_from_json(text.as_bytes(), &mut Places::default());
         }
     }
+
+    #[test]
+    fn readings_and_temperatures_are_told_in_the_units_of_their_keys() {
+        let read = |text: String| serde_json::from_str::<serde_json::Value>(&text).unwrap();
+        let indicators = read(indicators_to_json(1.5, &[1e-3, -2.5e-5, 0.0], true));
+        let told = serde_json::json!({ "t_s": 1.5, "ix_mm": 1.0, "iy_mm": -0.025, "iz_mm": 0.0, "settled": true });
+        assert_eq!(indicators, told);
+        assert_eq!(read(temperature_to_json(2.0, 21.25)), serde_json::json!({ "t_s": 2.0, "temp_c": 21.25 }));
+    }
 }

@@ -133,4 +133,19 @@ mod tests {
         std::fs::write(at("a.urdf"), "x").unwrap();
         assert!(says(&at("sub/../a.urdf"), &at("a.urdf#base:tool")).contains("is read, too"));
     }
+
+    #[test]
+    fn a_recording_is_known_by_how_it_begins_and_not_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let refused = |text: &str| {
+            let path = folder.path().join("out.csv");
+            std::fs::write(&path, text).unwrap();
+            check_no_recording(&path, []).is_err()
+        };
+        let head = "ball,q1_deg,q2_deg,ix_mm,iy_mm,iz_mm\n";
+        assert!(
+            refused(head) && refused(&format!("\u{feff}{}", head.to_uppercase())) && refused(&head.replace(',', ";"))
+        );
+        assert!(!refused("name,price\n") && !refused(""));
+    }
 }

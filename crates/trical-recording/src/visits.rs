@@ -166,3 +166,18 @@ pub fn check_place(name: &str) -> std::result::Result<(), String> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_places_are_those_that_a_cell_of_a_csv_can_hold() {
+        let good = ["front", "Tisch 2", "a-b_c.d", "\u{e4}"];
+        assert!(good.iter().all(|name| check_place(name).is_ok()));
+        for name in ["", " front", "front ", "a,b", "a\nb", "\"a\"", "NA", "none", "-", &"x".repeat(61)] {
+            let e = check_place(name).err().unwrap_or_default();
+            assert!(e.starts_with(&format!("found {name:?}, expected a name of letters")), "{name:?}: {e}");
+        }
+    }
+}

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::robot;
 use trical_model::{Measured, Recording, Row, State};
-use trical_recording::mcap::{Header, RecordingWriter, RunLog, each_row};
+use trical_recording::mcap::{Attachment, Header, RecordingWriter, RunLog, check_same, each_row};
 use trical_recording::motion::JointSample;
 use trical_recording::stream::SAMPLE;
 use trical_recording::visits::Visits;
@@ -417,4 +417,45 @@ fn joint_states_of_a_recording_say_from_which_side_a_joint_came() {
     let rows = open(&path, None).unwrap().rows;
     let senses: Vec<i8> = rows.iter().map(|r| r.state.dir.unwrap()[1]).collect();
     assert_eq!(senses, [0, 1, -1]);
+}
+
+fn with_files(path: &Path, robot: &[u8]) -> Header {
+    let file = |name: &str, data: &[u8]| Attachment {
+        name: name.into(),
+        media_type: "application/toml".into(),
+        data: data.into(),
+    };
+    let header =
+        Header { attachments: vec![file("robot.toml", robot), file("empty.toml", b"")], ..Header::for_joints(3) };
+    if !path.exists() {
+        let mut writer = RecordingWriter::create(path, &header).unwrap();
+        let q = rail().rows[0].state.q;
+        writer.joint_state(&JointSample { t: 12.345_678_901, q }).unwrap();
+        writer.measurement(&Row { state: State { t: Some(13.0), ..rail().rows[0].state }, ..rail().rows[0] }).unwrap();
+        writer.finish().unwrap();
+    }
+    header
+}
+
+#[test]
+fn files_beside_the_measurements_are_passed_over_and_have_to_be_the_same_where_it_is_gone_on() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("run.mcap");
+    let header = with_files(&path, b"name = \"a\"");
+    let mut rows = 0;
+    each_row(&path, &mut |_| {
+        rows += 1;
+        Ok::<_, RecordError>(())
+    })
+    .unwrap();
+    assert_eq!(rows, 1);
+    let read = check_same(&path, &header).unwrap();
+    assert_eq!(read.attachments.iter().map(|a| a.data.len()).collect::<Vec<_>>(), [10, 0]);
+    let told = read.joint_states[0].t;
+    assert!((told - 12.345_678_901).abs() < 1e-9, "{told}");
+    // as others read the message: seconds and nanoseconds, little-endian
+    let stamp = [12_u32, 345_678_901].map(u32::to_le_bytes).concat();
+    assert!(std::fs::read(&path).unwrap().windows(8).any(|bytes| bytes == stamp));
+    let e = check_same(&path, &with_files(&path, b"name = \"b\"")).unwrap_err().to_string();
+    assert!(e.contains("was recorded with another robot.toml"), "{e}");
 }

@@ -106,4 +106,19 @@ mod tests {
         }
         assert!(JOINT_STATE_TEXT.contains(&format!("\n{}\nMSG: std_msgs/Header\n", "=".repeat(80))));
     }
+
+    #[test]
+    fn a_schema_has_the_columns_of_an_arm_with_their_types() {
+        let mut shared = Shared::for_joints(2);
+        shared.prismatic[1] = true;
+        let read = |text: &str| serde_json::from_str::<serde_json::Value>(text).unwrap();
+        let schema = read(&measurement(&shared).1);
+        let of = |key: &str| schema["properties"][key]["type"].as_str();
+        assert_eq!([of("q1_deg"), of("q2_mm"), of("t_s"), of("x_mm")], [Some("number"); 4]);
+        assert_eq!([of("q2_deg"), of("q3_deg")], [None; 2]);
+        assert!(schema["required"].as_array().unwrap().iter().any(|key| key == "q1_deg"), "{schema}");
+        let needs = |text: &str| read(text)["required"].to_string();
+        assert_eq!(needs(&indicators().1), r#"["t_s","ix_mm","iy_mm","iz_mm"]"#);
+        assert_eq!(needs(&temperature().1), r#"["t_s","temp_c"]"#);
+    }
 }

@@ -15,3 +15,15 @@ pub fn scatter(line: usize, file: usize) -> u64 {
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^ (z >> 31)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The generator of Steele, Lea & Flood, begun at 0: its first number.
+    #[test]
+    fn lines_are_scattered_by_the_published_hash() {
+        assert_eq!(scatter(0, 0), 0xe220_a839_7b1d_cdaf);
+        assert_ne!(scatter(7, 0), scatter(7, 1));
+    }
+}

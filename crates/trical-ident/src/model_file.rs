@@ -643,3 +643,24 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     trical_recording::whole::write_whole(path, bytes)
         .map_err(|source| trical_recording::RecordError::Io { path: path.to_owned(), action: "write", source }.into())
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+
+    #[test]
+    fn where_references_were_seen_comes_back_and_those_never_seen_stay_unknown() {
+        let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
+        let mut model = Model::nominal(robot, Cell::bare());
+        model.frames = vec![Pose { translation: nalgebra::Vector3::new(1.5, -0.25, 0.5), ..Pose::identity() }];
+        let references = vec![References { positions: vec![Some([0.5, -0.25, 1.0]), None] }];
+        let file = ModelFile { model, joints: JointSource::Read, references, sessions: Vec::new(), uncertainty: None };
+        let text = file.to_toml().unwrap();
+        assert!(text.contains("500.0") && text.contains("-250.0"), "{text}");
+        let again = ModelFile::parse(&text, "m.toml").unwrap();
+        assert_eq!(again.references, file.references);
+        assert_eq!(again.model.frames[0].translation, file.model.frames[0].translation);
+    }
+}

@@ -194,4 +194,19 @@ mod tests {
         assert!((few - 1e-5 * (0.4_f64 * 300.0 / 318.0).sqrt()).abs() < 1e-12, "{few}");
         assert!((many - 1e-5).abs() < 2e-8, "{many}");
     }
+
+    #[test]
+    fn noise_is_near_where_no_standard_deviation_differs_by_more_than_the_share() {
+        let of = |one: f64| {
+            let mut noise = Noise::usual(2);
+            noise.sigma[1][0] *= one;
+            noise
+        };
+        assert!(
+            of(1.0).is_near(&of(1.0), 1e-4)
+                && of(1.00009).is_near(&of(1.0), 1e-4)
+                && of(0.99991).is_near(&of(1.0), 1e-4)
+        );
+        assert!(!of(1.0002).is_near(&of(1.0), 1e-4) && !of(0.9998).is_near(&of(1.0), 1e-4));
+    }
 }

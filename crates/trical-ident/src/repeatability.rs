@@ -391,6 +391,7 @@ mod tests {
         let s = scatter(&p).unwrap();
         assert!((s.mean_mm - 1.5).abs() < 1e-12 && (s.sd_mm - (1.0_f64 / 3.0).sqrt()).abs() < 1e-12);
         assert!((s.rp_mm - (1.5 + 3.0 * (1.0_f64 / 3.0).sqrt())).abs() < 1e-12);
+        assert!((s.max_mm - 2.0).abs() < 1e-12 && s.visits == 4);
         assert!(scatter(&p[..1]).is_none());
     }
 
@@ -414,12 +415,15 @@ mod tests {
         let joint = by_joint_sense(&places, 6);
         assert_eq!((joint.len(), joint[0].joint, joint[0].visits), (1, 2, [12, 12]));
         assert!((joint[0].difference_mm - 0.02).abs() < 1e-9, "{}", joint[0].difference_mm);
+        // deviations from the mean of a side, 1 um a visit: squares 25 and 17 at each place, 54 degrees of freedom, weight 6
+        assert!((joint[0].sd_mm - 1e-3 * (126.0_f64 / 54.0 / 6.0).sqrt()).abs() < 1e-9, "{}", joint[0].sd_mm);
         // the senses are balanced in time, so the line is the drift's own
         let d = drift(&places).unwrap();
         assert!((d.mm_per_h[0] - 0.004).abs() < 1e-9, "{:?}", d.mm_per_h);
         assert!((d.hours - 1.75).abs() < 1e-12 && !d.seen);
         let told = place(1, &places[0], true, 6).unwrap();
         assert_eq!(told.by_sense.keys().collect::<Vec<_>>(), ["0+0000", "0-0000"]);
+        assert_eq!((told.number, told.ball, told.target), (1, Some(1), None));
         assert!((told.between_senses_mm.unwrap() - 0.02).abs() < 1e-9);
     }
 

@@ -433,3 +433,25 @@ impl Solver {
         Ok(gradient)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_that_did_as_foreseen_is_held_back_less_and_one_that_did_not_more() {
+        let after = |gain: f64| {
+            let mut damping = Damping { lambda: 1.0, rise: 40.0, faster: 2.0 };
+            damping.accepted(gain);
+            assert_eq!(damping.rise, 10.0);
+            damping.lambda
+        };
+        assert_eq!([0.9, 0.5, 0.1].map(after), [0.1, 1.0, 4.0]);
+        let mut damping = Damping { lambda: 1.0, rise: 10.0, faster: 2.0 };
+        let mut rejected = || {
+            damping.rejected();
+            damping.lambda
+        };
+        assert_eq!([rejected(), rejected()], [10.0, 200.0]);
+    }
+}

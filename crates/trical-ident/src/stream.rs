@@ -445,3 +445,17 @@ impl Judges<'_> {
         true
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_that_are_marked_are_those_and_no_others() {
+        let rows = [0, 1, 63, 64, 127, 200];
+        let mut marks = Marks::default();
+        rows.iter().for_each(|row| marks.set(*row));
+        assert_eq!((0..400).filter(|row| marks.has(*row)).collect::<Vec<_>>(), rows);
+        assert_eq!(marks.0.len(), 4, "one bit for each row");
+    }
+}

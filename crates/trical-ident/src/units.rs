@@ -200,4 +200,24 @@ mod tests {
         assert_eq!((of(1, along(1)), of(2, along(2))), (is("1", 1.0), is("1", 1.0)));
         assert_eq!((of(2, along(1)), of(1, along(2))), (is("deg/mm", 0.057_296), is("mm/deg", 17.453_293)));
     }
+
+    #[test]
+    fn the_turn_of_a_measuring_frame_is_told_by_its_angles_about_x_y_and_z() {
+        let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
+        let angles = [0.1, -0.2, 0.4];
+        let mut model = Model::nominal(robot, trical_model::Cell::bare());
+        let rotation = trical_model::pose::rotation_zyx(angles[2], angles[1], angles[0]);
+        model.frames = vec![Pose { rotation, translation: nalgebra::Vector3::new(1.5, -0.3, 0.2) }];
+        let told = |motion| {
+            let term = Term::new("f", "frame", Site::Frame { frame: 1, motion }, Basis::CONSTANT);
+            let told = shown(&model, &term);
+            assert_eq!(told.nominal, None);
+            (told.unit, (told.value * 1e6).round() / 1e6)
+        };
+        for (k, axis) in Axis::ALL.into_iter().enumerate() {
+            let deg = (angles[k].to_degrees() * 1e6).round() / 1e6;
+            assert_eq!(told(Motion::About(axis)), ("deg".to_owned(), deg));
+            assert_eq!(told(Motion::Along(axis)), ("mm".to_owned(), [1500.0, -300.0, 200.0][k]));
+        }
+    }
 }

@@ -118,4 +118,17 @@ mod tests {
         let found = no_softer(&model, &[None, Some(0.1), Some(1e-4), Some(LENGTH), Some(0.1)]);
         assert_eq!(found, [Some(SOFTEST), Some(SOFTEST), Some(1e-4), Some(LENGTH), Some(SOFTEST)]);
     }
+
+    #[test]
+    fn of_what_belongs_to_a_session_nothing_is_known_beforehand() {
+        let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
+        let along = Basis::new(Variable::Joint { joint: 1 }, Shape::Linear);
+        let of = |session: Option<u32>| Term::new("t", "effect", Site::Joint { joint: 1 }, Basis { session, ..along });
+        let model = Model { terms: vec![of(None), of(Some(1))], ..Model::nominal(robot, Cell::bare()) };
+        let touch = trical_model::Measured::Touch { ball: 0, reading: [0.0; 3] };
+        let row = trical_model::Row { state: trical_model::State::at(&[0.1; 6]), measured: touch, seq: None, line: 2 };
+        let recording = trical_model::Recording { name: "r".into(), joints: 6, rows: vec![row], ..Default::default() };
+        let data = Dataset::build(&[recording], crate::dataset::JointSource::Read, None).unwrap();
+        assert_eq!(plausible(&model, &data), [Some(SCALE), None]);
+    }
 }

@@ -1,7 +1,7 @@
 //! Is this arm still what it was: a few touches against an earlier calibration.
 
-use trical_ident::{Aim, Comparison, ModelFile, Options, ParameterSet, calibrate, compare, history};
-use trical_model::{Axis, Basis, Model, Motion, Recording, Scope, Shape, Site, Task, Term, Variable};
+use trical_ident::{Aim, Comparison, ModelFile, Options, ParameterSet, calibrate, compare, history, validate};
+use trical_model::{Axis, Basis, Measured, Model, Motion, Recording, Scope, Shape, Site, Task, Term, Variable};
 
 use crate::sessions;
 
@@ -295,12 +295,50 @@ fn a_tool_that_was_turned_is_told_with_its_angle() {
 fn one_wrong_touch_is_told_as_that() {
     let truth = truth();
     let mut recording = later(&truth, None, "new.csv", 99);
-    if let trical_model::Measured::Touch { reading, .. } = &mut recording.rows[4].measured {
+    if let Measured::Touch { reading, .. } = &mut recording.rows[4].measured {
         reading[1] += 3e-4;
     }
     let c = compare(&truth.cell, &calibrated(&truth), &recording, None).unwrap();
     assert_eq!((c.verdict, c.changes.len()), ("wrong touches", 1));
     assert_eq!(c.changes[0].what, "the measurement of line 6");
+}
+
+/// Whoever typed the numbers of two touches the wrong way round is told of both.
+#[test]
+fn two_touches_whose_balls_were_exchanged_are_told_as_wrong_and_not_as_a_change() {
+    let truth = truth();
+    let file = calibrated(&truth);
+    let mut recording = Recording { name: "new.csv".into(), ..crate::arm::touch(&truth, 30, NOISE, 97) };
+    let [one, other] = [3, 4].map(|k| recording.rows[k].measured);
+    for (k, of) in [(3, other), (4, one)] {
+        if let (Measured::Touch { ball, .. }, Measured::Touch { ball: right, .. }) =
+            (&mut recording.rows[k].measured, of)
+        {
+            *ball = right;
+        }
+    }
+    let c = compare(&truth.cell, &file, &recording, None).unwrap();
+    let mut wrong: Vec<&str> = c.changes.iter().map(|c| c.what.as_str()).collect();
+    wrong.sort_unstable();
+    assert_eq!(c.verdict, "wrong touches");
+    assert_eq!(wrong, ["the measurement of line 5", "the measurement of line 6"]);
+}
+
+#[test]
+fn a_tool_that_the_cell_file_has_elsewhere_is_told_and_that_of_the_model_is_used() {
+    let truth = truth();
+    let (file, new) = (calibrated(&truth), later(&truth, None, "new.csv", 99));
+    let with = |off: f64| {
+        let mut cell = truth.cell.clone();
+        cell.tool.tcp.x += off;
+        validate(&truth.robot, &cell, &file, std::slice::from_ref(&new), None, None).unwrap()
+    };
+    let (same, other) = (with(0.0), with(3e-3));
+    assert_eq!(same.other_tool_mm, None);
+    assert!((other.other_tool_mm.unwrap() - 3.0).abs() < 1e-9, "{:?}", other.other_tool_mm);
+    assert!((other.after.rms_mm - same.after.rms_mm).abs() < 1e-9 && same.after.rms_mm < 0.05, "{:?}", other.after);
+    let told = "The cell file has the tool 3.000 mm from where the cell of the fit has it; the model's was used.";
+    assert_eq!(other.left_out_in_words(str::to_owned), [told]);
 }
 
 #[test]
@@ -309,7 +347,7 @@ fn one_touch_among_many_is_wrong_where_it_is_far_beyond_the_others_and_not_where
     let file = calibrated(&truth);
     let told = |off: f64| {
         let mut recording = crate::arm::touch(&truth, 50, NOISE, 98);
-        if let trical_model::Measured::Touch { reading, .. } = &mut recording.rows[4].measured {
+        if let Measured::Touch { reading, .. } = &mut recording.rows[4].measured {
             reading[1] += off;
         }
         compare(&truth.cell, &file, &recording, None).unwrap().verdict
@@ -433,7 +471,7 @@ fn a_point_that_the_cell_does_not_have_is_told_with_its_file_and_line() {
     let mut recording = later(&truth, None, "other.csv", 7);
     for (k, row) in recording.rows.iter_mut().enumerate() {
         let target = truth.cell.tool.targets.len() + k % 2;
-        row.measured = trical_model::Measured::Point { target, position: [0.1 * k as f64, 0.2, 0.3] };
+        row.measured = Measured::Point { target, position: [0.1 * k as f64, 0.2, 0.3] };
     }
     let e = compare(&truth.cell, &file, &recording, None).unwrap_err().to_string();
     assert!(e.starts_with("other.csv, line") && e.contains("target"), "{e}");

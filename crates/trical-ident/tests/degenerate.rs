@@ -205,3 +205,18 @@ fn points_of_which_nobody_says_the_target_are_told_where_the_cell_has_several() 
     }
     assert_eq!(said(&several, both), None);
 }
+
+#[test]
+fn points_in_metres_are_told_beside_a_recording_of_touches() {
+    let mut metres = points(40, varied);
+    metres.name = "points.csv".into();
+    for row in &mut metres.rows {
+        if let Measured::Point { position, .. } = &mut row.measured {
+            position.iter_mut().for_each(|p| *p *= 1e-3);
+        }
+    }
+    let both = [touches(&cell(), &[0, 1, 2]), metres];
+    let data = Dataset::build(&both, JointSource::Read, None).unwrap();
+    let e = identify(&robot(), &cell(), &data, ParameterSet::Geometry).unwrap_err().to_string();
+    assert!(e.starts_with("points.csv") && e.contains("found what looks like m"), "{e}");
+}

@@ -8,10 +8,10 @@ use rand_distr::Distribution;
 use rand_pcg::Pcg64Mcg;
 use trical_ident::identifiability::independent_terms;
 use trical_ident::{
-    Choice, CsvStream, Dataset, ErrorSummary, JointSource, ParameterSet, Streamed, identify, identify_stream, load_csv,
-    reject_gross_errors,
+    Choice, CsvStream, Dataset, ErrorSummary, JointSource, Options, ParameterSet, Streamed, calibrate_stream, identify,
+    identify_stream, load_csv, reject_gross_errors,
 };
-use trical_model::{Cell, Forward, Measured, Model, Pose, Recording, Robot, Row, State};
+use trical_model::{Cell, Forward, Measured, Model, Pose, Recording, Robot, Row, State, Task};
 
 const ROBOT: &str = include_str!("../../trical-model/tests/data/arm.toml");
 const CELL: &str = "[base]\nxyz_mm = [100.0, 200.0, 50.0]\nzyx_deg = [30.0, 5.0, -4.0]\n[tool]\ntcp_mm = [31.0, -22.0, 118.0]\n\
@@ -189,4 +189,35 @@ fn recordings_with_references_are_not_streamed() {
     std::fs::write(&path, "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,reference,x_mm,y_mm,z_mm\n").unwrap();
     let message = CsvStream::open(&[path], 6).unwrap_err().to_string();
     assert!(message.contains("column reference"), "{message}");
+}
+
+#[test]
+fn a_point_that_the_cell_does_not_have_is_refused_with_its_line() {
+    let (_dir, path) = write("points.csv", &truth(frame()), 24_000, 2e-5, 6, &[]);
+    let text = std::fs::read_to_string(&path).unwrap();
+    let lines: Vec<String> = text.lines().map(str::to_owned).collect();
+    let refused = |target: &str| {
+        let mut lines = lines.clone();
+        let mut fields: Vec<&str> = lines[20_000].split(',').collect();
+        fields[7] = target;
+        lines[20_000] = fields.join(",");
+        std::fs::write(&path, lines.join("\n")).unwrap();
+        let (model, stream) = (nominal(), CsvStream::open(std::slice::from_ref(&path), 6).unwrap());
+        let options = Options::new(ParameterSet::Geometry);
+        calibrate_stream(&model.robot, &model.cell, &stream, &options, &Task::silent()).unwrap_err().to_string()
+    };
+    let told = "points.csv, line 20001, column target: found target 3, but the cell's [tool] targets_mm has 2";
+    assert!(refused("3").ends_with(told), "{}", refused("3"));
+}
+
+#[test]
+fn points_of_another_arm_are_refused_in_passes_as_in_memory() {
+    let (_dir, path) = write("points.csv", &truth(frame()), 20_000, 0.3, 7, &[]);
+    let (model, stream) = (nominal(), CsvStream::open(std::slice::from_ref(&path), 6).unwrap());
+    let options = Options::new(ParameterSet::Geometry);
+    let e = calibrate_stream(&model.robot, &model.cell, &stream, &options, &Task::silent()).unwrap_err().to_string();
+    assert!(
+        e.starts_with("after identification the tool is still ") && e.contains("more than any arm: are units"),
+        "{e}"
+    );
 }

@@ -200,7 +200,7 @@ fn scripted_faults_stop_the_run_and_resume_completes_it() {
     let cell = place.cell(&["--faults", "f.toml"]);
     let o = place.measure(&cell, &["--go"]);
     assert_eq!(o.status.code(), Some(1));
-    assert!(errors(&o).contains("--resume goes on"), "{}", errors(&o));
+    assert!(errors(&o).contains("; what was measured is safe, --resume goes on"), "{}", errors(&o));
     let before = place.rows("run.mcap");
     // what would be done now: the recording counts, and without --resume it stands in the way
     refused(&place.measure(&cell, &[]), 2, "exists already");
@@ -447,6 +447,20 @@ fn a_guided_session_shows_itself_first_and_goes_on_where_it_was_left() {
     says_in_order(&said, &["5. Measurement", "12 touches measured", next]);
     assert!(!said.contains("4. Plan"), "{said}");
     assert_eq!(place.rows("led.setup.mcap").len(), 1, "one touch");
+}
+
+#[test]
+fn an_arm_of_another_number_of_joints_is_not_led() {
+    let place = planned(1);
+    let cell = place.cell(&[]);
+    let (five, _) = ROBOT.rsplit_once("[[joint]]").unwrap();
+    place.write("robot.toml", five);
+    place.write("cell.toml", CELL.split_once("\n[geometry").unwrap().0);
+    let says = ["s", "0,0,0,0,0", "q"].map(str::to_owned);
+    let (o, said) = guided(&place, &cell, &["--go"], &says);
+    refused(&o, 1, "ended by the user");
+    says_in_order(&said, &["That did not work", "says that its arm has 6 joints, ABB IRB 120-3/0.6 has 5."]);
+    assert!(!place.path("led.mcap").exists());
 }
 
 #[test]

@@ -264,34 +264,38 @@ fn a_plan_for_two_sockets_says_what_it_takes_as_known_and_without_a_place_what_p
 const SOCKETS: &str = "[base]\nxyz_mm = [0, 0, 0]\nzyx_deg = [0, 0, 0]\n[tool]\ntcp_mm = [15, -10, 120]\nmass_kg = 0.5\n\
                        cog_mm = [0, 0, 60]\n[balls]\ndistances_mm = { d12 = 50.0 }";
 
-/// A controller that runs the RAPID server, and whether it was asked to move.
-fn rapid_server() -> (String, Arc<AtomicBool>) {
+/// A controller that runs the RAPID server, whether it was asked to move, and whether it is to close the connection at the next question.
+fn rapid_server() -> (String, Arc<AtomicBool>, Arc<AtomicBool>) {
     let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
-    let moved = Arc::new(AtomicBool::new(false));
-    let behind = Arc::clone(&moved);
+    let [moved, cut] = [(); 2].map(|()| Arc::new(AtomicBool::new(false)));
+    let (behind, cuts) = (Arc::clone(&moved), Arc::clone(&cut));
     std::thread::spawn(move || {
-        let (mut stream, _) = listener.accept().unwrap();
-        let (mut request, mut byte) = (String::new(), [0]);
-        while std::io::Read::read(&mut stream, &mut byte).is_ok_and(|count| count == 1) {
-            request.push(char::from(byte[0]));
-            if byte[0] == b'#' {
-                let code = &request[..2];
-                let data = match code {
-                    "24" => "TriCal 1 6 5.000",
-                    "04" => "1.5 -2.0 0.0 -0.00001 45.0 180.25",
-                    "21" => "12.500",
-                    _ => "",
-                };
-                if ["02", "20"].contains(&code) {
-                    behind.store(true, Ordering::Relaxed);
+        for mut stream in listener.incoming().flatten() {
+            let (mut request, mut byte) = (String::new(), [0]);
+            while std::io::Read::read(&mut stream, &mut byte).is_ok_and(|count| count == 1) {
+                request.push(char::from(byte[0]));
+                if byte[0] == b'#' {
+                    if cuts.swap(false, Ordering::Relaxed) {
+                        break;
+                    }
+                    let code = &request[..2];
+                    let data = match code {
+                        "24" => "TriCal 1 6 5.000",
+                        "04" => "1.5 -2.0 0.0 -0.00001 45.0 180.25",
+                        "21" => "12.500",
+                        _ => "",
+                    };
+                    if ["02", "20"].contains(&code) {
+                        behind.store(true, Ordering::Relaxed);
+                    }
+                    let _ = stream.write_all(format!("{code} 1 {data}#").as_bytes());
+                    request.clear();
                 }
-                let _ = stream.write_all(format!("{code} 1 {data}#").as_bytes());
-                request.clear();
             }
         }
     });
-    (address, moved)
+    (address, moved, cut)
 }
 
 #[test]
@@ -299,7 +303,7 @@ fn joints_come_from_each_controller_that_is_known_and_nothing_is_moved() {
     let place = Place::new();
     let (ur, behind_ur) = crate::ur_server::server();
     let (rws, behind_rws) = crate::rws_server::server();
-    let (rapid, moved) = rapid_server();
+    let (rapid, moved, _) = rapid_server();
     behind_ur.lock().unwrap().q = [1.5, -2.0, 0.0, -0.00001, 45.0, 180.25].map(f64::to_radians);
     let urls = [
         format!("rapid://{rapid}?settle_ms=1"),
@@ -329,6 +333,24 @@ fn joints_come_from_each_controller_that_is_known_and_nothing_is_moved() {
     let done = place.record_from(["--controller", "rapid://127.0.0.1:1?timeout_s=0.2"], "no.csv", &[""]);
     assert_eq!(done.status.code(), Some(2));
     assert!(errors(&done).contains("127.0.0.1:1"), "{done:?}");
+}
+
+#[test]
+fn a_controller_that_went_away_is_opened_anew_at_the_next_key_and_no_row_is_made_up() {
+    let place = Place::new();
+    let (address, moved, cut) = rapid_server();
+    let record = format!("record --controller rapid://{address}?settle_ms=1&timeout_s=2 --place 1 --out visits.csv");
+    let (mut taken, _) = Typed::start(&place, &record);
+    assert!(taken.says().contains("p NAME"));
+    let first = taken.types("1");
+    assert!(first.contains("row 0: 1, socket 1"), "{first}");
+    cut.store(true, Ordering::Relaxed);
+    let lost = taken.types("2");
+    assert!(lost.contains("no row: ") && lost.contains(&address), "{lost}");
+    assert!(taken.types("2").contains("row 1: 1, socket 2"));
+    taken.ends();
+    assert_eq!(place.text("visits.csv").lines().count(), 3);
+    assert!(!moved.load(Ordering::Relaxed));
 }
 
 /// A program that is typed to, and what it says on standard error.

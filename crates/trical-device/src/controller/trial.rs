@@ -214,6 +214,32 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_jog_beyond_what_is_small_is_refused_and_nothing_else_is() {
+        let text = include_str!("../../../../cells/irb120/robot.toml");
+        let robot = Robot::parse(text, "robot.toml").unwrap();
+        let says = |jog: Jog| {
+            let to = jog.target(&Joints::default(), 6, 5_f64.to_radians(), Some(&robot));
+            to.map_or_else(|e| e.to_string(), |to| format!("{:.3} {:.3}", to[0].to_degrees(), to[1].to_degrees()))
+        };
+        let deg = f64::to_radians;
+        assert_eq!(says(Jog::Joint(1, deg(5.0))), "0.000 5.000");
+        assert_eq!(says(Jog::Joint(1, deg(-5.1))), "joint 2 would go -5.100 deg, the limit is 5 deg");
+        assert_eq!(says(Jog::Joint(6, deg(1.0))), "found joint 7, expected 1 to 6");
+        assert_eq!(says(Jog::Joints(vec![deg(1.0), deg(2.0), 0.0, 0.0, 0.0, 0.0])), "1.000 2.000");
+        let far = says(Jog::Joints(vec![0.0, 0.0, 0.0, 0.0, 0.0, deg(6.0)]));
+        assert_eq!(far, "joint 6 would go 6.000 deg, the limit is 5 deg");
+        assert_eq!(says(Jog::Joints(vec![0.0; 5])), "found 5 numbers, expected 6, one for each joint");
+        assert_eq!(says(Jog::Tool([FAR_TOOL, -FAR_TOOL, 0.0])), "0.000 0.000");
+        for by in [5.001e-3, -5.001e-3, f64::NAN] {
+            let refused = says(Jog::Tool([0.0, by, 0.0]));
+            assert!(refused.ends_with("expected three numbers of 5 mm at most"), "{by}: {refused}");
+        }
+        let other = Jog::Joint(0, 0.0).target(&Joints::default(), 7, 1.0, Some(&robot)).unwrap_err();
+        assert_eq!(other.to_string(), "ABB IRB 120-3/0.6: found 6 joints, expected 7, as the controller says");
+        assert!(check_speed(FAST).is_ok() && check_speed(0.0).is_err() && check_speed(FAST * 1.001).is_err());
+    }
+
+    #[test]
     fn a_sliding_joint_goes_by_mm_and_within_its_limits() {
         let text = include_str!("../../../../cells/irb120/robot.toml");
         let mut robot = Robot::parse(text, "robot.toml").unwrap();

@@ -346,3 +346,19 @@ impl fmt::Display for RetreatOutcome {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_goes_on_unless_the_user_ended_it_or_the_recording_is_lost() {
+        let goes_on = |violation| ProcedureError::Leave { violation: Box::new(violation) }.goes_on();
+        let removed = |saved| Violation::Record(RecordError::Removed { path: "run.mcap".into(), saved });
+        assert!(goes_on(Violation::NotMoved { length_mm: 1.0 }) && ProcedureError::Options(String::new()).goes_on());
+        assert!(!goes_on(Violation::Cancelled) && !goes_on(Violation::Stopped));
+        assert!(
+            goes_on(removed(Ok("saved.mcap".into()))) && !goes_on(removed(Err(std::io::ErrorKind::StorageFull.into())))
+        );
+    }
+}

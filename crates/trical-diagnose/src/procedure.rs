@@ -554,7 +554,7 @@ fn arm_parameters(model: &Model) -> usize {
 mod tests {
     #![allow(clippy::unwrap_used)]
 
-    use trical_model::{Basis, Shape, Variable};
+    use trical_model::{Basis, Shape, State, Variable};
 
     use super::*;
     use crate::test_data::{off, with_joint_2};
@@ -574,6 +574,25 @@ mod tests {
             .collect();
         let expected = "a curve of joint 2's own angle that repeats every turn, and single waves of 61, 88 and 131 cycles per turn";
         assert_eq!(found, [(EffectId::EncoderError, expected)]);
+    }
+
+    #[test]
+    fn curves_of_a_joints_own_angle_need_a_dozen_different_angles() {
+        let wave = Shape::Sine { cycles: 3.0 };
+        let at = |step_deg: f64, angles: u32| {
+            // angles nearer than a fifth of a degree are one
+            let angle =
+                |k: f64| (step_deg * (k % f64::from(angles)) + 0.05 * (k / f64::from(angles)).floor()).to_radians();
+            crate::test_data::states(2 * angles as usize, |k| State::at(&[0.0, angle(k)]))
+        };
+        let ripple = off(EffectId::GearRipple.into(), 2, wave);
+        assert_eq!(few_angles(&ripple, &at(3.0, 11)), Some((2, 11)));
+        assert_eq!(few_angles(&ripple, &at(3.0, 12)), None);
+        assert_eq!(few_angles(&ripple, &at(0.1, 12)), Some((2, 1)));
+        // joint 1 stood, and what is no curve of an angle needs none
+        assert_eq!(few_angles(&off(EffectId::JointHarmonic.into(), 1, wave), &at(3.0, 12)), Some((1, 1)));
+        assert_eq!(few_angles(&off(EffectId::GearRatio.into(), 2, Shape::Linear), &at(3.0, 2)), None);
+        assert_eq!(few_angles(&off(Cause::Unexplained, 2, wave), &at(3.0, 2)), None);
     }
 
     #[test]

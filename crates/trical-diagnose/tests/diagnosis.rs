@@ -7,7 +7,9 @@ use trical_diagnose::{Diagnosis, EffectId, Options, diagnose};
 use trical_ident::{
     Aim, Dataset, ErrorSummary, JointSource, KnownParameters, ParameterSet, Scatter, identify, simulate,
 };
-use trical_model::{Basis, Cell, Forward, Measured, Model, Place, Pose, Recording, Site, Task, Term};
+use trical_model::{
+    Basis, Cell, Forward, Measured, Model, Place, Pose, Recording, Shape, Site, State, Task, Term, Variable,
+};
 
 /// The truth with one more term, which the baseline does not have.
 fn with_effect(site: Site, basis: Basis, value: f64) -> Model {
@@ -37,9 +39,50 @@ fn hidden_backlash_is_found_at_its_joint() {
 }
 
 #[test]
+fn growth_with_a_recorded_temperature_is_named_with_its_coefficient() {
+    let basis = Basis::new(Variable::Temperature { reference_c: 20.0 }, Shape::Linear);
+    let model = with_effect(Site::Links, basis, 24e-6);
+    let mut recording = touch(&model, 150, 8e-6, 25);
+    // up and down again: what only tells earlier from later does not do the same
+    let forward = Forward::new(model.clone(), Vec::new()).unwrap();
+    let mut ws = forward.workspace();
+    for (k, row) in recording.rows.iter_mut().enumerate() {
+        let Measured::Touch { ball, reading } = &mut row.measured else { continue };
+        let seen = |state: &State, ws: &mut _| {
+            let pose = forward.world_from_tool(state, ws);
+            pose.rotation.transpose() * (model.cell.balls[*ball] - pose.translation)
+        };
+        let before = seen(&row.state, &mut ws);
+        row.state.temp_c = Some(20.0 + 12.0 * (k as f64 / 12.0).sin().abs());
+        let by = seen(&row.state, &mut ws) - before;
+        *reading = std::array::from_fn(|a| reading[a] + by[a]);
+    }
+    let d = diagnose(&model.robot, &model.cell, &build(recording), &Options::default(), &Task::silent()).unwrap();
+    assert_eq!(d.findings.len(), 1, "{:?}", d.findings);
+    let (f, c) = (&d.findings[0], &d.findings[0].coefficients[0]);
+    assert_eq!(
+        (f.effect, f.site, f.located.as_str()),
+        (EffectId::ThermalGrowth, Place::Links, "all lengths grow with temperature")
+    );
+    assert_eq!(c.unit, "1/K");
+    assert!((c.value - 24e-6).abs() < 4.0 * c.sd.unwrap() && c.sd.unwrap() < 3e-6, "{c:?}");
+}
+
+/// A clock that was never set tells nothing of earlier and later.
+#[test]
+fn a_clock_that_stands_gives_no_drift_and_hides_no_gap() {
+    let model = with_effect(Site::Joint { joint: 4 }, Basis::direction(4), -0.01_f64.to_radians());
+    let mut recording = touch(&model, 150, 8e-6, 21);
+    recording.rows.iter_mut().for_each(|r| r.state.t = Some(1234.0));
+    let d = diagnose(&model.robot, &model.cell, &build(recording), &Options::default(), &Task::silent()).unwrap();
+    let found: Vec<_> = d.findings.iter().map(|f| (f.effect, f.site)).collect();
+    assert_eq!(found, [(EffectId::LostMotionDirection, Place::Joint(4))]);
+}
+
+#[test]
 fn a_threshold_that_has_no_name_is_located_and_not_named() {
     let at = 0.3;
-    let basis = Basis::new(trical_model::Variable::Joint { joint: 4 }, trical_model::Shape::Step { at });
+    let basis = Basis::new(Variable::Joint { joint: 4 }, Shape::Step { at });
     let d = diagnosed(&with_effect(Site::Joint { joint: 5 }, basis, 0.03_f64.to_radians()), 22);
     let u = d.unexplained.expect("something is left without a name");
     assert_eq!((u.site, u.variable.as_str()), (Place::Joint(5), "q4"));

@@ -35,6 +35,17 @@ fn time_tells_earlier_from_later_and_numbers_where_there_is_no_time() {
 }
 
 #[test]
+fn a_clock_that_stands_has_no_moment_at_which_something_may_have_changed() {
+    let standing = states(60, |k| State { t: Some(1234.0), ..swing(k) });
+    let model = arm();
+    let r = Covariates::new(&model, &standing, 1e-5);
+    assert_eq!(r.order, Some(Variable::Time));
+    assert!(r.changes().is_empty(), "{:?}", r.changes());
+    // one that runs has some
+    assert!(!change_points(&states(60, timed), Variable::Time, 60).is_empty());
+}
+
+#[test]
 fn changes_may_be_between_any_two_moments_but_for_the_first_and_the_last_two() {
     let few = change_points(&states(20, timed), Variable::Time, 60);
     let expected: Vec<f64> = (2..18).map(|k| 100.0 * f64::from(k) - 50.0).collect();

@@ -252,6 +252,19 @@ mod tests {
     }
 
     #[test]
+    fn all_is_said_of_all_only_however_many_they_are() {
+        let (model, touch) = (arm(), Measured::Touch { ball: 0, reading: [0.0; 3] });
+        let data = data(&[(0..3000_u16).map(|k| (pose((k % 4) as u8), touch)).collect()]);
+        let column = |errors| Column { model: &model, data: &data, errors };
+        let (all, mut but_one) = (vec![0.05e-3; 3000], vec![0.05e-3; 3000]);
+        but_one[7] = 0.3e-3;
+        let (rows, _) = numbers(&column(&all), &column(&but_one)).unwrap();
+        let within = |limit: &str| rows.iter().find(|r| r[0] == format!("Measurements within {limit} mm")).unwrap();
+        assert_eq!(within("0.2")[1..], ["100.0 %", "99.9 %"]);
+        assert_eq!(within("0.5")[1..], ["100.0 %", "100.0 %"]);
+    }
+
+    #[test]
     fn points_of_a_pose_are_not_counted_as_poses() {
         let mut model = arm();
         model.cell.tool.targets = [0.0, 0.05, 0.1].map(|x| nalgebra::Vector3::new(x, 0.0, 0.1)).to_vec();

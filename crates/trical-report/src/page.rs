@@ -271,7 +271,7 @@ pub fn error_table(rows: &[(&str, &ErrorSummary)]) -> Vec<Vec<String>> {
 
 #[cfg(test)]
 mod tests {
-    #![allow(clippy::unwrap_used)]
+    #![allow(clippy::unwrap_used, clippy::panic)]
     use super::*;
 
     #[test]
@@ -310,6 +310,25 @@ mod tests {
         let (plot, turned) = (page(&format!("{}</div>", plots::LIVE)), page(&format!("{}</div>", turn::OPEN)));
         assert!(!plain.contains("uPlot") && plot.contains("uPlot") && !turned.contains("uPlot"));
         assert!(turned.len() > plain.len() + 1000);
+    }
+
+    #[test]
+    fn on_paper_what_is_folded_is_open_and_what_only_a_screen_can_do_is_not_there() {
+        let section = Section::new("x").with_text(["y".to_owned()]).folded(true);
+        let page = render("t", "v", &[section], &Made::by("trical".into(), &[])).unwrap();
+        assert!(page.contains("<details><summary><h2>x</h2></summary>"), "{page}");
+        let (_, print) = page.split_once("@media print {").unwrap();
+        let (print, _) = print.split_once("\n}").unwrap();
+        let said = |selector: &str| {
+            let line = print.lines().find(|l| l.trim_start().starts_with(&format!("{selector} {{")));
+            line.unwrap_or_else(|| panic!("{selector} in {print}")).to_owned()
+        };
+        assert!(said("details::details-content").contains("content-visibility: visible"));
+        assert!([".live", ".screen", ".turn > canvas"].iter().all(|s| said(s).contains("display: none")));
+        assert!(said(".plot.drawn > svg, .turn.turned > svg").contains("display: inline"));
+        assert!(
+            said("thead").contains("table-header-group") && said("h2, tr, .verdict").contains("break-inside: avoid")
+        );
     }
 
     #[test]

@@ -194,7 +194,32 @@ pub fn render(robot: &Robot, cell: &Cell, told: &Told, made: &Made) -> Result<St
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
+    use trical_ident::{ParameterSet, model_of_touches};
+    use trical_model::Task;
+    use trical_plan::{PlanOptions, plan_touches};
+
     use super::*;
+
+    #[test]
+    fn of_the_places_that_were_tried_those_that_were_not_refused_are_kept() {
+        let of_arm = crate::test_data::arm();
+        let model = model_of_touches(&of_arm.robot, &of_arm.cell, ParameterSet::Geometry).unwrap();
+        let options = PlanOptions {
+            per_ball: 12,
+            pool_per_ball: 30,
+            parameters: Some(model.terms.clone()),
+            ..PlanOptions::default()
+        };
+        let plan = plan_touches(&of_arm.robot, &of_arm.cell, &options, &Task::silent()).unwrap();
+        let rows = refused(&Told::new(&model, plan, options).unwrap());
+        assert_eq!(rows.len(), 4);
+        for row in &rows[1..] {
+            let [tried, kept] = [1, 2].map(|k| row[k].parse::<usize>().unwrap());
+            // the pool was full when the search ended
+            assert!(kept == 30 && tried > kept, "{row:?}");
+        }
+    }
 
     #[test]
     fn what_is_better_than_by_chance_is_said() {

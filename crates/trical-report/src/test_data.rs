@@ -1,8 +1,11 @@
 //! Small data for the tests of single modules.
 #![allow(clippy::unwrap_used)]
 
-use trical_ident::{Dataset, ErrorSummary, JointSource, SessionErrors, Validation};
-use trical_model::{Cell, Measured, Model, Recording, Robot, Row, State};
+use std::sync::LazyLock;
+
+use trical_diagnose::{Diagnosis, Options, diagnose};
+use trical_ident::{Aim, Dataset, ErrorSummary, JointSource, Scatter, SessionErrors, Validation, simulate};
+use trical_model::{Basis, Cell, Measured, Model, Recording, Robot, Row, Site, State, Task, Term};
 
 /// A small arm with masses at a platform of three balls, with the shapes of both.
 pub(crate) fn arm() -> Model {
@@ -66,4 +69,25 @@ pub(crate) fn validation(before: f64, after: f64) -> Validation {
         model: arm(),
         data,
     }
+}
+
+/// A diagnosis of an arm whose joint 3 has a gap; it is made once.
+pub(crate) fn diagnosis() -> Diagnosis {
+    static MADE: LazyLock<Diagnosis> = LazyLock::new(|| {
+        let mut truth = arm();
+        let gap = Term::new("gap", "hidden", Site::Joint { joint: 3 }, Basis::direction(3));
+        truth.terms.push(Term { value: -5e-4, ..gap });
+        // fractional parts of multiples of square roots: no two angles go together
+        let angle = |k: f64, step: f64| 2.0 * ((0.5 + k * step).fract() - 0.5);
+        let row = |k: u32| {
+            let q = [0.4142, 0.7321, 0.2361, 0.6458, 0.3166, 0.6056].map(|step| angle(f64::from(k), step));
+            let dir = std::array::from_fn(|j| if (k * (2 * j as u32 + 3) / 8).is_multiple_of(2) { 1 } else { -1 });
+            (State { seq: Some(f64::from(k)), dir: Some(dir), ..State::at(&q) }, Aim::Ball(k as usize % 3))
+        };
+        let scatter = Scatter { length: 1e-5, angle: 0.0, seed: 3 };
+        let recording = simulate(&truth, &(0..90).map(row).collect::<Vec<_>>(), &scatter, None).unwrap();
+        let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
+        diagnose(&truth.robot, &truth.cell, &data, &Options::default(), &Task::silent()).unwrap()
+    });
+    MADE.clone()
 }

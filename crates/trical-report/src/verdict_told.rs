@@ -315,6 +315,7 @@ pub fn answer(d: &Diagnosis, source: JointSource) -> Result<serde_json::Value> {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
     use trical_model::{Axis, Basis, Motion};
 
     use super::*;
@@ -394,6 +395,58 @@ mod tests {
             plain.terms.push(Term::new("t", effect, site, Basis::CONSTANT));
         }
         assert_eq!(set_up(&plain).as_deref(), Some("and 3 of measuring frame, targets and places of the balls"));
+    }
+
+    #[test]
+    fn what_a_model_is_worth_elsewhere_is_told_where_that_is_much_worse_and_whether_the_plain_one_is_better() {
+        let mut d = crate::test_data::diagnosis();
+        let of = |mm: f64| Some(ErrorSummary::of(&[mm * 1e-3; 4]));
+        (d.after.holdout_rms_mm, d.baseline.holdout_rms_mm) = (0.1, 0.4);
+        let n = decimals(&d);
+        let told = |d: &Diagnosis| worth_elsewhere(d);
+        assert_eq!(told(&d), None);
+        d.after.held_out.by_session = of(0.9 * MUCH_WORSE * 0.1);
+        assert_eq!(told(&d), None);
+        (d.after.held_out.by_session, d.baseline.by_session) = (of(0.25), of(0.35));
+        let said = format!("in a session that it was not fitted to: {:.n$} mm (plain model: {:.n$})", 0.25, 0.35);
+        assert_eq!(told(&d), Some((said, false)));
+        d.baseline.by_session = of(0.2);
+        assert!(told(&d).unwrap().1);
+        (d.after.held_out.by_session, d.after.held_out.by_place) = (of(0.1), of(0.25));
+        assert!(told(&d).unwrap().0.starts_with("at a place of the balls that it was not fitted to: 0.25"));
+        // whether the model is to be used is said of a model that is better
+        let uses = |d: &Diagnosis| lines(d).concat().contains(USES);
+        assert!(uses(&d));
+        d.baseline.by_place = of(0.2);
+        assert!(!uses(&d));
+    }
+
+    #[test]
+    fn a_page_has_ten_rows_at_most_and_the_smallest_are_one() {
+        let mut d = crate::test_data::diagnosis();
+        (d.after.holdout_rms_mm, d.baseline.holdout_rms_mm) = (0.1, 1.0);
+        let with = |d: &mut Diagnosis, claims: usize| {
+            let at = |k: usize| 1.0 - 0.05 * k as f64;
+            let found = |k: usize| VerdictRow {
+                before_mm: at(k),
+                after_mm: at(k + 1),
+                findings: vec![k + 1],
+                ..row(RowKind::Finding)
+            };
+            let plain = VerdictRow { before_mm: 1.0, after_mm: 1.0, findings: Vec::new(), ..row(RowKind::Plain) };
+            let whole =
+                VerdictRow { kind: RowKind::Whole, before_mm: at(claims), after_mm: at(claims), ..plain.clone() };
+            d.verdict.rows = std::iter::once(plain).chain((0..claims).map(found)).chain([whole]).collect();
+            page_rows(d).0
+        };
+        let kinds = |rows: &[VerdictRow], kind: RowKind| rows.iter().filter(|r| r.kind == kind).count();
+        let all = with(&mut d, 8);
+        assert_eq!((all.len(), kinds(&all, RowKind::Finding), kinds(&all, RowKind::Rest)), (10, 8, 0));
+        let cut = with(&mut d, 12);
+        assert_eq!((cut.len(), kinds(&cut, RowKind::Finding), kinds(&cut, RowKind::Rest)), (10, 7, 1));
+        let rest = cut.iter().find(|r| r.kind == RowKind::Rest).unwrap();
+        assert_eq!(rest.findings, [8, 9, 10, 11, 12]);
+        assert!((rest.before_mm - 0.65).abs() < 1e-12 && (rest.after_mm - 0.4).abs() < 1e-12, "{rest:?}");
     }
 
     #[test]

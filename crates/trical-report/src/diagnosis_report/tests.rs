@@ -174,3 +174,33 @@ fn errors_without_a_finding_go_on_in_proportion_to_its_size() {
         assert!((gone - exact).norm() > 0.1 * gone.norm(), "half a radian is far");
     }
 }
+
+#[test]
+fn a_finding_of_several_waves_is_drawn_over_the_cycle_of_the_largest() {
+    let mut d = crate::test_data::diagnosis();
+    let mut f = d.findings[0].clone();
+    let wave = |name: &str, shape, value| {
+        let basis = Basis::new(Variable::Joint { joint: 2 }, shape);
+        Term { value, ..Term::new(name, "gear_ripple", Site::Joint { joint: 2 }, basis) }
+    };
+    let mut over = |[sine, cosine]: [f64; 2], other: f64| {
+        let waves = [
+            wave("a", Shape::Sine { cycles: 20.0 }, other),
+            wave("b", Shape::Cosine { cycles: 20.0 }, 0.0),
+            wave("c", Shape::Sine { cycles: 10.0 }, sine),
+            wave("d", Shape::Cosine { cycles: 10.0 }, cosine),
+        ];
+        f.coefficients = waves
+            .iter()
+            .map(|t| trical_diagnose::diagnosis::Coefficient { name: t.name.clone(), ..f.coefficients[0].clone() })
+            .collect();
+        d.model.terms.retain(|t| t.effect != "gear_ripple");
+        d.model.terms.extend(waves);
+        revealing(&f, &d).unwrap()
+    };
+    // the amplitude counts, not the larger of the two coefficients
+    let (label, x) = over([3e-4, -3e-4], 4e-4);
+    assert_eq!(label, "joint 2 within a 36.00 deg cycle, deg");
+    assert!(x.iter().all(|x| (0.0..36.0).contains(x)) && x.iter().any(|x| *x > 18.0));
+    assert_eq!(over([3e-4, 0.0], 4e-4).0, "joint 2 within a 18.00 deg cycle, deg");
+}

@@ -44,6 +44,10 @@ impl Job<'_> {
     /// # Errors
     /// One sentence that lists those that are known.
     pub fn dialect(&self) -> Result<Dialect, ProgramError> {
+        if self.program.is_dir() {
+            let folder = self.program.display();
+            return Err(ProgramError::Input(format!("{folder}: is a folder; expected a program")));
+        }
         match self.dialect {
             Some(d) => Dialect::named(d).ok_or_else(|| {
                 ProgramError::Input(format!("the dialect '{d}' is not known; known are {}", Dialect::known()))

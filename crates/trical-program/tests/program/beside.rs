@@ -35,6 +35,18 @@ fn names(files: &[String]) -> Vec<String> {
 }
 
 #[test]
+fn a_folder_is_no_program() {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("folder.mod");
+    std::fs::create_dir_all(&folder).unwrap();
+    let nominal = nominal(IRB);
+    for dialect in [None, Some("rapid")] {
+        let job = Job { program: &folder, out: None, dialect, frames: &[], partial: false };
+        let told = job.run(&nominal, &nominal, &Options::default()).unwrap_err().to_string();
+        assert!(told.ends_with("folder.mod: is a folder; expected a program"), "{told}");
+    }
+}
+
+#[test]
 fn the_data_of_a_program_are_found_however_their_file_is_written() {
     let data = "DEFDAT P\nDECL E6AXIS XP1={A1 5,A2 -80,A3 95.5,A4 3,A5 40,A6 -7}\nENDDAT\n";
     let report = checked("case", KR6, &[("p.src", "DEF P( )\nPTP XP1\nEND\n"), ("P.DAT", data)]);

@@ -389,7 +389,7 @@ pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<S
 
 /// The verdict as a table: error before and after each claim, the claim, how sure it is, what to do.
 fn verdict_table(d: &Diagnosis) -> Vec<Vec<String>> {
-    let (told, decimals) = verdict_told::page_rows(d);
+    let (told, decimals) = verdict_told::told(d, d.verdict.rows.clone());
     let mut rows = vec![row(["claim", "probability", "error before, mm", "after, mm", "what to do"])];
     rows.extend(told.iter().map(|r| {
         let begins = !matches!(r.kind, RowKind::Plain | RowKind::Whole | RowKind::Unexplained);

@@ -15,7 +15,7 @@ use crate::error::Result;
 use crate::evidence::six;
 use crate::table;
 
-/// So many lines has a verdict at most in a terminal, the first one included, and so many rows on a page.
+/// So many lines has a verdict at most in a terminal, the first one included.
 const LINES: usize = 10;
 
 /// So wide is a line at most.
@@ -145,14 +145,6 @@ pub fn claim(row: &VerdictRow, sure: Option<String>) -> String {
 #[must_use]
 pub fn sentence(row: &VerdictRow) -> String {
     claim(row, row.probability())
-}
-
-/// The verdict of a page: of more than so many rows, the smallest are one.
-#[must_use]
-pub fn page_rows(d: &Diagnosis) -> (Vec<VerdictRow>, usize) {
-    let most = d.verdict.rows.len();
-    let rows = |claims| told(d, d.verdict.shortened(claims, MOST_NAMED_IN_REST));
-    (1..=most).rev().map(rows).find(|(rows, _)| rows.len() <= LINES).unwrap_or_else(|| rows(1))
 }
 
 fn row_lines(row: &VerdictRow, decimals: usize, advised: bool) -> Vec<String> {

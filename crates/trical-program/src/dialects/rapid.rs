@@ -6,6 +6,7 @@
 mod called;
 mod data;
 mod frames;
+mod given;
 mod motions;
 mod parts;
 mod reader;

@@ -35,6 +35,23 @@ fn names(files: &[String]) -> Vec<String> {
 }
 
 #[test]
+fn of_a_routine_with_more_calls_than_are_told_apart_no_call_is_forgotten() {
+    let text = |calls: usize| {
+        format!(
+            "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget p:=TARGET;\n\
+             CONST robtarget q:=TARGET;\nPROC main()\nGo p,t;\n{}ENDPROC\n\
+             PROC Go(robtarget to,PERS tooldata held)\nMoveL to,v1,fine,held;\nENDPROC\n",
+            "Go q,tool0;\n".repeat(calls)
+        )
+    };
+    let few = checked("few_calls", IRB, &[("m.mod", &text(900))]);
+    assert_eq!((few.rewritten, few.problems.len()), (2, 0), "{few:?}");
+    let (rewritten, _, problems) = told(&checked("many_calls", IRB, &[("m.mod", &text(1500))]));
+    assert!(rewritten.is_empty() && problems.iter().all(|p| p.contains("'held of go' is an argument")), "{problems:?}");
+    assert_eq!(problems.len(), 2);
+}
+
+#[test]
 fn a_folder_is_no_program() {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("folder.mod");
     std::fs::create_dir_all(&folder).unwrap();

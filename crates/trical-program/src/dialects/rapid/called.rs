@@ -1,77 +1,18 @@
 //! RAPID's calls of routines of the same file: what functions return (`RETURN Offs(p,0,0,h);`), and with which tools and
 //! work objects routines move that get them as arguments.
 
-use std::collections::HashMap;
-
+use super::given::{DEEPEST, Each, Given, MOST_CALLS, place_of};
 use super::reader::Reader;
 use crate::names::{Meant, Origin};
 use crate::scan::{Setup, hashed, hashed_as_written};
-
-/// Calls inside the arguments of calls, and data set from data, that are followed, at most.
-const DEEPEST: usize = 8;
-/// Calls of a routine that are told apart, at most.
-const MOST_CALLS: usize = 1000;
-/// Steps from calls to what they give, at most; what is not followed is listed.
-const MOST_STEPS: usize = 100_000;
-
-/// What each call of a routine gives, by the routine's hashed name.
-type Each = HashMap<u64, Vec<Vec<(u64, Given)>>>;
-
-/// What a call gives for an argument.
-#[derive(Clone, Debug)]
-pub(super) enum Given {
-    Place(Origin),
-    Frame(String),
-    /// A tool or a work object that is no name: an element of a list, a part of a record.
-    Unclear,
-}
-
-/// What calls give to the routines of a file, and what functions return.
-#[derive(Debug, Default)]
-pub(super) struct Calls {
-    /// Of the call that is being read: what it gives, by what the arguments are called outside the routine.
-    pub given: Vec<(u64, Given)>,
-    all: Each,
-    /// What functions return, by their hashed names.
-    returned: HashMap<u64, Vec<Origin>>,
-    /// Names for what a call of a function returns, the function, and which of its calls it is.
-    results: Vec<(u64, u64, usize)>,
-    /// Tools and work objects that are arguments: what the calls give for them, and the routine.
-    arguments: HashMap<String, (u64, u64)>,
-    /// Calls in which the one is that is being read.
-    depth: usize,
-    /// Steps that were followed.
-    steps: usize,
-}
-
-impl Calls {
-    fn of(&self, routine: u64, call: usize) -> Vec<(u64, Given)> {
-        self.all.get(&routine).and_then(|all| all.get(call)).cloned().unwrap_or_default()
-    }
-
-    /// Whether one more step is followed.
-    fn goes_on(&mut self, depth: usize) -> bool {
-        self.steps += 1;
-        depth <= DEEPEST && self.steps <= MOST_STEPS
-    }
-}
-
-/// What a call gives for this argument.
-fn place_of(given: &[(u64, Given)], argument: u64) -> Option<Origin> {
-    given.iter().find_map(|(key, given)| match given {
-        Given::Place(origin) if *key == argument => Some(*origin),
-        _ => None,
-    })
-}
 
 impl Reader<'_> {
     /// A call of a routine of this file was read.
     pub(super) fn called(&mut self, routine: u64, given: Vec<(u64, Given)>) {
         let all = self.calls.all.entry(routine).or_default();
-        if all.len() < MOST_CALLS {
+        // one beyond says that there are too many
+        if all.len() <= MOST_CALLS {
             all.push(given);
-        } else {
-            self.calls.all.remove(&routine);
         }
     }
 
@@ -107,7 +48,9 @@ impl Reader<'_> {
         }
         self.calls.depth -= 1;
         self.c.eat(b')');
-        let call = self.calls.all.get(&routine).map_or(0, Vec::len).checked_sub(1)?;
+        let calls = self.calls.all.get(&routine).map_or(0, Vec::len);
+        // of one that is not told apart nobody knows what it gives
+        let call = if calls > MOST_CALLS { usize::MAX } else { calls.checked_sub(1)? };
         self.calls.results.push((name, routine, call));
         if let Some(exports) = &mut self.exports {
             exports.own.insert(name);
@@ -167,6 +110,7 @@ impl Reader<'_> {
             return;
         }
         let mut calls = std::mem::take(&mut self.calls.all);
+        calls.retain(|_, all| all.len() <= MOST_CALLS);
         let own = self.heads.keys().copied().collect();
         if let Some((called, _)) = self.elsewhere.around(&own) {
             // with what others call it is not followed

@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::called::Calls;
+use super::given::Calls;
 use super::parts::{Piece, parts};
 use crate::elsewhere::{Elsewhere, Goes, Outside};
 use crate::expression::Constants;

@@ -2,8 +2,8 @@
 
 use std::collections::HashSet;
 
-use super::called::Given;
 use super::frames::take_over;
+use super::given::Given;
 use super::motions::looks_like_motion;
 use super::reader::{FARTHEST, Lent, Parameter, Place, Reader, scoped};
 use crate::elsewhere::{Goes, Outside};

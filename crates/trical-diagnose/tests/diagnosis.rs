@@ -68,17 +68,6 @@ fn growth_with_a_recorded_temperature_is_named_with_its_coefficient() {
     assert!((c.value - 24e-6).abs() < 4.0 * c.sd.unwrap() && c.sd.unwrap() < 3e-6, "{c:?}");
 }
 
-/// A clock that was never set tells nothing of earlier and later.
-#[test]
-fn a_clock_that_stands_gives_no_drift_and_hides_no_gap() {
-    let model = with_effect(Site::Joint { joint: 4 }, Basis::direction(4), -0.01_f64.to_radians());
-    let mut recording = touch(&model, 150, 8e-6, 21);
-    recording.rows.iter_mut().for_each(|r| r.state.t = Some(1234.0));
-    let d = diagnose(&model.robot, &model.cell, &build(recording), &Options::default(), &Task::silent()).unwrap();
-    let found: Vec<_> = d.findings.iter().map(|f| (f.effect, f.site)).collect();
-    assert_eq!(found, [(EffectId::LostMotionDirection, Place::Joint(4))]);
-}
-
 #[test]
 fn a_threshold_that_has_no_name_is_located_and_not_named() {
     let at = 0.3;

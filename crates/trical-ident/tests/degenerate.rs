@@ -220,3 +220,13 @@ fn points_in_metres_are_told_beside_a_recording_of_touches() {
     let e = identify(&robot(), &cell(), &data, ParameterSet::Geometry).unwrap_err().to_string();
     assert!(e.starts_with("points.csv") && e.contains("found what looks like m"), "{e}");
 }
+
+/// Of an arm that turns: how far a joint slides would say nothing of it.
+#[test]
+fn angles_in_degrees_under_names_of_radians_are_told() {
+    let mut recording = points(40, varied);
+    recording.rows.iter_mut().for_each(|r| r.state.q.iter_mut().for_each(|q| *q = q.to_degrees()));
+    let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
+    let e = identify(&robot(), &cell(), &data, ParameterSet::Geometry).unwrap_err().to_string();
+    assert!(e.contains("a joint turns to ") && e.ends_with("expected rad, found what looks like deg"), "{e}");
+}

@@ -80,23 +80,29 @@ pub fn check_units(scan: &Scan, bytes: &[u8]) -> Result<(), String> {
     const NEAREST_MM: f64 = 10.0;
     const FARTHEST_MM: f64 = 1e5;
     let is_in_frame = |s: &Spot| s.setup.and_then(|k| scan.setups.get(k as usize)).is_some_and(|s| s.frame.is_some());
-    let mut farthest: f64 = 0.0;
+    let mut farthest: (f64, Option<Span>, usize) = (0.0, None, 0);
     for spot in scan.spots.iter().filter(|s| !s.shape.is_joints()) {
         if is_in_frame(spot) {
             return Ok(());
         }
         for (k, span) in scan.spans(spot).iter().take(3).enumerate() {
-            farthest = farthest.max(scan.value(*span, bytes).map_or(0.0, |x| (x * scan.scale(k)).abs()));
+            let mm = scan.value(*span, bytes).map_or(0.0, |x| (x * scan.scale(k)).abs());
+            if mm > farthest.0 {
+                farthest = (mm, Some(*span), k);
+            }
         }
     }
+    let (mm, Some(span), k) = farthest else { return Ok(()) };
     let (found, expected) = match scan.scale(0) == 1.0 {
-        true if farthest > 0.0 && farthest < NEAREST_MM => ("x_mm,y_mm,z_mm", "x_m,y_m,z_m"),
-        false if farthest > FARTHEST_MM => ("x_m,y_m,z_m", "x_mm,y_mm,z_mm"),
+        true if mm < NEAREST_MM => ("mm", "m"),
+        false if mm > FARTHEST_MM => ("m", "mm"),
         _ => return Ok(()),
     };
+    let (line, axis) = (1 + bytes.iter().take(span.at as usize).filter(|b| **b == b'\n').count(), ['x', 'y', 'z'][k]);
     Err(format!(
-        "{found}: no coordinate of the table is larger than {farthest:.3} mm, and no arm has its tool there; if the numbers are in {}, the columns are {expected}",
-        if expected.contains("mm") { "mm" } else { "m" }
+        "line {line}, column {axis}_{found}: found {}, the largest coordinate of the table, and no arm has its tool there; if the numbers are \
+         in {expected}, the columns are x_{expected},y_{expected},z_{expected}",
+        shortened(&String::from_utf8_lossy(span.text(bytes)), 40)
     ))
 }
 

@@ -55,12 +55,13 @@ fn a_table_in_other_units_and_with_angles_is_the_same_table() {
     let small = "x_mm,y_mm,z_mm,qw,qx,qy,qz,frame\n0.35,0.05,0.32,0,0.6,0.8,0,\n";
     let metres = refused(small.as_bytes(), Dialect::Csv);
     assert!(
-        metres.contains("larger than 0.350 mm") && metres.contains("are in m, the columns are x_m,y_m,z_m"),
+        metres.contains("line 2, column x_mm: found 0.35, the largest")
+            && metres.contains("are in m, the columns are x_m,y_m,z_m"),
         "{metres}"
     );
     let millimetres = refused(b"x_m,y_m,z_m,qw,qx,qy,qz\n350,50,320,0,0.6,0.8,0\n", Dialect::Csv);
     assert!(
-        millimetres.contains("larger than 350000.000 mm") && millimetres.contains("x_mm,y_mm,z_mm"),
+        millimetres.contains("line 2, column x_m: found 350, the largest") && millimetres.contains("x_mm,y_mm,z_mm"),
         "{millimetres}"
     );
     let table = Frames::parse("[frames.table]\nxyz_mm = [350, 50, 320]\n", "f.toml").unwrap();

@@ -435,27 +435,33 @@ fn rows(
 ) -> Vec<VerdictRow> {
     let [(plain, before), (whole, after)] = models;
     let mut rows = vec![plain_row(RowKind::Plain, format!("Plain model, {plain} parameters"), [before; 2])];
-    let mut here = before;
-    let mut rest: Vec<VerdictRow> = Vec::new();
     let steps = steps(findings, unexplained);
     // findings that stand in for each other gain more one by one than together
     let (sum, together) = (steps.iter().map(|s| s.gain.max(0.0)).sum::<f64>(), before * before - after * after);
     let part = if sum > together { (together / sum).max(0.0) } else { 1.0 };
-    for step in steps {
-        let next = (here * here - part * step.gain).max(0.0).sqrt();
+    let after_step = |here: f64, step: &Step| (here * here - part * step.gain).max(0.0).sqrt();
+    let mut here = before;
+    let (mut own, rest): (Vec<Step>, Vec<Step>) = steps.into_iter().partition(|step| {
+        let next = after_step(here, step);
         let guessed = step.confidence.is_some_and(|[_, high]| high < LEAST_TOLD);
-        let row = match step.first {
-            Some(first) => row_of(findings, first, &step, [here, next]),
-            None => curves_row(&step, unexplained, given, [here, next]),
-        };
-        if next > here * (1.0 - LEAST_STEP) || guessed {
-            rest.push(row);
-        } else {
-            rows.push(row);
-            here = next;
-        }
+        let told = next <= here * (1.0 - LEAST_STEP) && !guessed;
+        here = if told { next } else { here };
+        told
+    });
+    // causes come before curves without one
+    own.sort_by_key(|step| step.first.is_none());
+    let row = |step: &Step, errors| match step.first {
+        Some(first) => row_of(findings, first, step, errors),
+        None => curves_row(step, unexplained, given, errors),
+    };
+    here = before;
+    for step in &own {
+        let next = after_step(here, step);
+        rows.push(row(step, [here, next]));
+        here = next;
     }
     if !rest.is_empty() {
+        let rest: Vec<VerdictRow> = rest.iter().map(|step| row(step, [here; 2])).collect();
         rows.push(rest_row(&rest.iter().collect::<Vec<_>>(), MOST_NAMED_IN_REST, [here, after.min(here)]));
     }
     let of_some_size = |u: &&Unexplained| (u.rms_mm / after.max(1e-9)).powi(2) >= SMALL_SHARE;
@@ -505,37 +511,22 @@ impl VerdictRow {
 }
 
 impl Verdict {
-    /// The table with so many claims at most, those with a cause first: the others are one row, which names so many of them (at most
-    /// [`MOST_NAMED_IN_REST`]).
+    /// The table with so many claims at most: the others are one row, which names so many of them (at most [`MOST_NAMED_IN_REST`]).
     #[must_use]
     pub fn shortened(&self, claims: usize, named: usize) -> Vec<VerdictRow> {
-        let kinds = [RowKind::Finding, RowKind::Curves];
-        let of = |kind: RowKind| (0..self.rows.len()).filter(move |k| self.rows[*k].kind == kind);
-        let own: Vec<usize> = kinds.into_iter().flat_map(of).take(claims).collect();
         let (mut rows, mut rest, mut end) = (Vec::new(), Vec::new(), Vec::new());
-        let mut here = 0.0;
-        for (k, row) in self.rows.iter().enumerate() {
+        for row in &self.rows {
             match row.kind {
-                RowKind::Plain => {
-                    here = row.after_mm;
-                    rows.push(row.clone());
-                }
-                RowKind::Finding | RowKind::Curves if own.contains(&k) => {
-                    // what stood before it may be told behind it
-                    let gain = row.before_mm.powi(2) - row.after_mm.powi(2);
-                    let next = if rest.is_empty() { row.after_mm } else { (here * here - gain).max(0.0).sqrt() };
-                    rows.push(VerdictRow { before_mm: here, after_mm: next, ..row.clone() });
-                    here = next;
-                }
+                RowKind::Plain => rows.push(row.clone()),
+                RowKind::Finding | RowKind::Curves if rows.len() <= claims => rows.push(row.clone()),
                 RowKind::Finding | RowKind::Curves | RowKind::Rest => rest.push(row),
                 RowKind::Unexplained | RowKind::Whole => end.push(row.clone()),
             }
         }
-        let last = self.rows.iter().rev().find(|r| kinds.contains(&r.kind) || r.kind == RowKind::Rest);
-        if let ([only], Some(last)) = (rest.as_slice(), last) {
-            rows.push(VerdictRow { before_mm: here, after_mm: last.after_mm, ..(*only).clone() });
-        } else if let Some(last) = last.filter(|_| !rest.is_empty()) {
-            rows.push(rest_row(&rest, named, [here, last.after_mm]));
+        match rest.as_slice() {
+            [] => {}
+            [only] => rows.push((*only).clone()),
+            [first, .., last] => rows.push(rest_row(&rest, named, [first.before_mm, last.after_mm])),
         }
         rows.extend(end);
         rows

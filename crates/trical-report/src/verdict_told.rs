@@ -414,34 +414,6 @@ mod tests {
     }
 
     #[test]
-    fn a_page_has_ten_rows_at_most_and_the_smallest_are_one() {
-        let mut d = crate::test_data::diagnosis();
-        (d.after.holdout_rms_mm, d.baseline.holdout_rms_mm) = (0.1, 1.0);
-        let with = |d: &mut Diagnosis, claims: usize| {
-            let at = |k: usize| 1.0 - 0.05 * k as f64;
-            let found = |k: usize| VerdictRow {
-                before_mm: at(k),
-                after_mm: at(k + 1),
-                findings: vec![k + 1],
-                ..row(RowKind::Finding)
-            };
-            let plain = VerdictRow { before_mm: 1.0, after_mm: 1.0, findings: Vec::new(), ..row(RowKind::Plain) };
-            let whole =
-                VerdictRow { kind: RowKind::Whole, before_mm: at(claims), after_mm: at(claims), ..plain.clone() };
-            d.verdict.rows = std::iter::once(plain).chain((0..claims).map(found)).chain([whole]).collect();
-            page_rows(d).0
-        };
-        let kinds = |rows: &[VerdictRow], kind: RowKind| rows.iter().filter(|r| r.kind == kind).count();
-        let all = with(&mut d, 8);
-        assert_eq!((all.len(), kinds(&all, RowKind::Finding), kinds(&all, RowKind::Rest)), (10, 8, 0));
-        let cut = with(&mut d, 12);
-        assert_eq!((cut.len(), kinds(&cut, RowKind::Finding), kinds(&cut, RowKind::Rest)), (10, 7, 1));
-        let rest = cut.iter().find(|r| r.kind == RowKind::Rest).unwrap();
-        assert_eq!(rest.findings, [8, 9, 10, 11, 12]);
-        assert!((rest.before_mm - 0.65).abs() < 1e-12 && (rest.after_mm - 0.4).abs() < 1e-12, "{rest:?}");
-    }
-
-    #[test]
     fn lines_of_a_row_begin_with_its_errors_and_go_on_below_its_text() {
         let long = VerdictRow { text: "word ".repeat(40).trim().into(), ..row(RowKind::Finding) };
         let lines = row_lines(&long, 3, true);

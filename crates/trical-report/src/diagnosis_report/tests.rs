@@ -190,10 +190,8 @@ fn a_finding_of_several_waves_is_drawn_over_the_cycle_of_the_largest() {
             wave("c", Shape::Sine { cycles: 10.0 }, sine),
             wave("d", Shape::Cosine { cycles: 10.0 }, cosine),
         ];
-        f.coefficients = waves
-            .iter()
-            .map(|t| trical_diagnose::diagnosis::Coefficient { name: t.name.clone(), ..f.coefficients[0].clone() })
-            .collect();
+        f.coefficients =
+            waves.iter().map(|t| Coefficient { name: t.name.clone(), ..f.coefficients[0].clone() }).collect();
         d.model.terms.retain(|t| t.effect != "gear_ripple");
         d.model.terms.extend(waves);
         revealing(&f, &d).unwrap()

@@ -4,7 +4,7 @@
 //! further place is a motion of the set from there. Two balls, or one, fix no base: {w} is then the base as the cell file has it, and
 //! the pose of the set in it is unknown at every place.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use trical_model::pose::angles_zyx;
@@ -97,10 +97,10 @@ pub fn unknown_places(cell: &Cell, data: &Dataset) -> Vec<BallPlace> {
 const EVERY: usize = 4;
 const EVERY_AT_PLACE: usize = 2;
 
-/// Poses that identify what belongs to a session: every fourth of each recording; where balls are `placed` anew, every second of the touches of
-/// each ball at each place.
+/// Poses that identify what belongs to a session: every fourth of each recording, and of those at which a ball or target was measured that none of
+/// these has; where balls are `placed` anew, every second of the touches of each ball at each place.
 pub(crate) fn training_poses(data: &Dataset, placed: bool) -> BTreeSet<usize> {
-    let mut counted = std::collections::BTreeMap::new();
+    let mut counted = BTreeMap::new();
     let mut last = None;
     let mut out = BTreeSet::new();
     for o in data.observations.iter() {
@@ -114,6 +114,20 @@ pub(crate) fn training_poses(data: &Dataset, placed: bool) -> BTreeSet<usize> {
         };
         let count = counted.entry((o.recording, at)).or_insert(0_usize);
         if *count % if at.is_some() { EVERY_AT_PLACE } else { EVERY } == 0 {
+            out.insert(o.pose);
+        }
+        *count += 1;
+    }
+    let what = |o: &Observation| match o.measured {
+        Measured::Touch { ball, .. } => (o.recording, Some(ball)),
+        Measured::Point { target, .. } => (o.recording, Some(target)),
+        _ => (o.recording, None),
+    };
+    let has: BTreeSet<_> = data.observations.iter().filter(|o| out.contains(&o.pose)).map(|o| what(&o)).collect();
+    let mut others = BTreeMap::new();
+    for o in data.observations.iter().filter(|o| !has.contains(&what(o))) {
+        let count = others.entry(what(&o)).or_insert(0_usize);
+        if *count % EVERY == 0 {
             out.insert(o.pose);
         }
         *count += 1;

@@ -104,6 +104,18 @@ fn two_sessions_are_learnt_and_a_third_with_its_own_frame_and_tool_is_predicted_
 }
 
 #[test]
+fn whatever_is_measured_in_turn_is_among_the_poses_that_identify_a_session() {
+    let truth = truth();
+    let c = learnt(&truth, &[seen(&truth, 1, [0.0; 3])], ToolSharing::FromData);
+    // every fourth measurement is of the first target
+    let third = measured(&truth, 3, [-3e-3, 1e-3, 4e-3], 120, 0.0, |k| Aim::Target([0, 1, 2, 1][k % 4]));
+    let v = validate(&truth.robot, &truth.cell, &file(&c), &[third], None, Some(Refit::ALL)).unwrap();
+    // and every fourth of the others
+    assert_eq!((v.sessions[0].from_poses, v.sessions[0].poses), (30 + 15 + 8, 67));
+    assert!(v.after.mean_mm < 1.5 * LEAST_MM, "{:?}", v.after);
+}
+
+#[test]
 fn a_model_file_says_where_it_was_learnt_and_validate_what_lies_beyond() {
     let truth = truth();
     // of the first session only what has joint 1 on one side
@@ -257,9 +269,7 @@ fn one_full_pose_fixes_a_frame_and_two_points_do_not() {
     assert_eq!((v.sessions[0].from_poses, v.sessions[0].poses), (2, 6));
     assert!(v.after.mean_mm < 5.0 * LEAST_MM, "{:?}", v.after);
     let by_points = file(&learnt(&truth, &[seen(&truth, 1, [0.0; 3])], ToolSharing::FromData));
-    let mut few = seen(&truth, 2, [0.0; 3]);
-    few.rows.truncate(4);
-    let e = of(&by_points, few).unwrap_err().to_string();
+    let e = of(&by_points, measured(&truth, 2, [0.0; 3], 4, 0.0, |_| Aim::Target(0))).unwrap_err().to_string();
     let expected = "session2.csv: 1 measured point does not fix a frame (fitted: 1 of its 4 poses, the others are \
                     scored); at least three";
     assert!(e.starts_with(expected), "{e}");

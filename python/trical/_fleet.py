@@ -25,8 +25,8 @@ ITERATIONS = 200
 class Kind:
     """What `arms` arms of one kind have in common.
 
-    Of each parameter in `names` and `units`: `mean` is the kind's, `spread` the standard deviation of arms about it, and
-    `sd` that of a further arm about `mean`, which is itself known from some arms only.
+    Of each parameter in `names` and `units`: `mean` is the kind's, `spread` the standard deviation of arms about it,
+    and `sd` that of a further arm about `mean`, which is itself known from some arms only.
     """
 
     names: list[str]

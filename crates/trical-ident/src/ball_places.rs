@@ -123,10 +123,10 @@ pub(crate) fn training_poses(data: &Dataset, placed: bool) -> BTreeSet<usize> {
         Measured::Point { target, .. } => (o.recording, Some(target)),
         _ => (o.recording, None),
     };
-    let has: BTreeSet<_> = data.observations.iter().filter(|o| out.contains(&o.pose)).map(|o| what(&o)).collect();
+    let has: BTreeSet<_> = data.observations.iter().filter(|o| out.contains(&o.pose)).map(what).collect();
     let mut others = BTreeMap::new();
     for o in data.observations.iter().filter(|o| !has.contains(&what(o))) {
-        let count = others.entry(what(&o)).or_insert(0_usize);
+        let count = others.entry(what(o)).or_insert(0_usize);
         if *count % EVERY == 0 {
             out.insert(o.pose);
         }
@@ -262,8 +262,8 @@ pub(crate) fn tool_by_pivoting(model: &Model, data: &Dataset, plain: &Forward, n
 }
 
 /// Touches of one ball at one place, each group.
-fn groups(touches: &[Touched]) -> std::collections::BTreeMap<(BallPlace, usize), Vec<&Touched>> {
-    let mut out = std::collections::BTreeMap::new();
+fn groups(touches: &[Touched]) -> BTreeMap<(BallPlace, usize), Vec<&Touched>> {
+    let mut out = BTreeMap::new();
     for t in touches {
         out.entry((t.at, t.ball)).or_insert_with(Vec::new).push(t);
     }

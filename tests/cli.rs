@@ -177,6 +177,8 @@ fn bad_robots_and_cells_are_refused_with_file_and_field() {
     place.write("robot.toml", CELL);
     place.refuses(&identify("r.csv"), &["robot.toml: is a cell file, expected a robot file"]);
     place.write("robot.toml", ROBOT);
+    let table = ["identify", "r.csv", "--robot", "r.csv", "--cell", "cell.toml"];
+    place.refuses(&table, &["r.csv: is a table, expected a robot file (robot.toml)"]);
     let cell = |from: &str, to: &str, words: &[&str]| changed("cell.toml", CELL, from, to, words);
     cell("d23 = 300.0", "d23 = 700.0", &["cell.toml", "triangle"]);
     cell("tcp_mm", "tcp_m", &["cell.toml", "line", "tcp_m"]);

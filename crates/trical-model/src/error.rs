@@ -97,6 +97,9 @@ pub(crate) fn parse_toml_of<T: serde::de::DeserializeOwned>(kind: &str, text: &s
             Some((found, _)) if *found != kind => {
                 ModelError::unreadable(file, format!("is a {found} file, expected a {kind} file ({kind}.toml)"))
             }
+            None if table.is_empty() && file.to_ascii_lowercase().ends_with(".csv") => {
+                ModelError::unreadable(file, format!("is a table, expected a {kind} file ({kind}.toml)"))
+            }
             _ => e,
         }
     })

@@ -10,7 +10,7 @@ use trical_ident::dataset::Dataset;
 use trical_ident::error::Result;
 use trical_ident::folds::Folds;
 use trical_ident::noise::Noise;
-use trical_model::{Term, residual_rows};
+use trical_model::Term;
 
 use crate::candidate::{Candidate, said_by};
 use crate::correlated_noise::CorrelatedNoise;
@@ -37,8 +37,7 @@ impl Halves {
         folds.poses().iter().for_each(|pose| sizes[folds.block_of(*pose)] += 1);
         let one = |half: &Vec<bool>| {
             let part = data.filtered(|o| half[folds.block_of(o.pose)]);
-            let rows: usize = part.observations.iter().map(|o| residual_rows(&o.measured)).sum();
-            if rows < fitted.parameters {
+            if part.scalars() < fitted.parameters {
                 return Ok(None);
             }
             let design = Design::weighted(fitted, candidates, &[], &part, noise, CorrelatedNoise::WHITE)?;

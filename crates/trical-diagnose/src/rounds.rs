@@ -632,6 +632,5 @@ fn longest_recording(data: &Dataset) -> usize {
 
 /// Fewer independent scalars than rows: several targets seen at one pose share what moves the arm, six numbers.
 fn temper(data: &Dataset) -> f64 {
-    let rows: usize = data.observations.iter().map(|o| trical_model::residual_rows(&o.measured)).sum();
-    (6.0 * data.used_poses().len() as f64 / rows as f64).min(1.0)
+    (6.0 * data.used_poses().len() as f64 / data.scalars() as f64).min(1.0)
 }

@@ -1,6 +1,6 @@
 //! Gross errors: measurements that no model of the arm explains, by a robust fit.
 
-use trical_model::{Cell, Forward, Measured, Robot, Workspace, residual_rows};
+use trical_model::{Cell, Forward, Measured, Robot, Workspace};
 
 use crate::dataset::{Dataset, Observation};
 use crate::error::{IdentError, Result};
@@ -141,7 +141,7 @@ fn robust_fit(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet) -> 
     let own = OwnSetup::all(data.names.len());
     let (model, _) = prepared(robot, cell, data, &Choice::from(set).with_own(own))?;
     let known = crate::ball_places::usual(&model, data);
-    let scalars: usize = data.observations.iter().map(|o| residual_rows(&o.measured)).sum();
+    let scalars = data.scalars();
     let unknown = model.terms.len() - known.iter().filter(|k| k.prior.is_some()).count();
     if set != ParameterSet::Nominal && scalars < FOR_EACH * unknown {
         return Err(IdentError::NotEnough(format!("{scalars} numbers for {unknown} parameters")));

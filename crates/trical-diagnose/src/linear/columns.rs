@@ -13,7 +13,7 @@ use trical_ident::dataset::Dataset;
 use trical_ident::error::Result;
 use trical_ident::known::Known;
 use trical_ident::noise::Noise;
-use trical_model::{Forward, Measured, Model, Term, residual_rows};
+use trical_model::{Forward, Measured, Model, Term};
 
 use crate::candidate::Candidate;
 use crate::correlated_noise::{CorrelatedNoise, Filter, in_device_axes};
@@ -133,7 +133,7 @@ impl Linear {
         let total = p + values.len();
 
         let count = data.observations.len();
-        let rows: usize = data.observations.iter().map(|o| residual_rows(&o.measured)).sum();
+        let rows = data.scalars();
         let mut all = Self {
             residual: vec![0.0; rows],
             filter: Filter::new(CorrelatedNoise::WHITE, data),

@@ -97,8 +97,8 @@ pub fn unknown_places(cell: &Cell, data: &Dataset) -> Vec<BallPlace> {
 const EVERY: usize = 4;
 const EVERY_AT_PLACE: usize = 2;
 
-/// Poses that identify what belongs to a session: every fourth of each recording, and of those at which a ball or target was measured that none of
-/// these has; where balls are `placed` anew, every second of the touches of each ball at each place.
+/// Poses that identify what belongs to a session: every fourth of each recording. A ball or target that none of these measured adds every fourth of
+/// its own poses. Where balls are `placed` anew, it is every second of the touches of each ball at each place.
 pub(crate) fn training_poses(data: &Dataset, placed: bool) -> BTreeSet<usize> {
     let mut counted = BTreeMap::new();
     let mut last = None;

@@ -119,12 +119,13 @@ fn trend(x: &[f64], y: &[f64]) -> Option<Trend> {
 
 fn due(sessions: &[Comparison], steps: &[f64], trend: Option<Trend>, need: Option<f64>, unit: &str) -> String {
     let Some(last) = sessions.last() else { return String::new() };
-    let differs = ["arm changed", "does not fit"].contains(&last.verdict);
-    if differs && last.doubt.is_none() {
-        return format!(
-            "The next calibration is due now: in the last session ({}) the arm has changed.",
-            last.recording
-        );
+    // where the last session cannot tell, one before it may
+    let telling = sessions.iter().rposition(|s| !["nothing visible", "perhaps arm changed"].contains(&s.verdict));
+    let telling = telling.map_or(last, |k| &sessions[k]);
+    let which = if telling == last { "the last session" } else { "the last session that tells" };
+    let differs = ["arm changed", "does not fit"].contains(&telling.verdict);
+    if differs && telling.doubt.is_none() {
+        return format!("The next calibration is due now: in {which} ({}) the arm has changed.", telling.recording);
     }
     let of_setup = last.changes.iter().any(|c| c.scope == Scope::Setup && c.is_likely());
     if let Some(need) = need.filter(|need| of_setup && !differs && last.mean_mm > *need && last.arm_mm <= *need) {
@@ -143,9 +144,9 @@ fn due(sessions: &[Comparison], steps: &[f64], trend: Option<Trend>, need: Optio
     }
     if differs {
         return format!(
-            "The arm seems to have changed in the last session ({}), but an effect that the model lacks can look the same (see above): \
+            "The arm seems to have changed in {which} ({}), but an effect that the model lacks can look the same (see above): \
              diagnose this recording first.",
-            last.recording
+            telling.recording
         );
     }
     if last.verdict == "perhaps arm changed" {
@@ -253,6 +254,12 @@ mod tests {
         let blind = last(0.2, "nothing visible");
         assert!(says(&blind, None, Some(0.3)).contains("(last.csv) would show no change"));
         assert!(says(&blind, None, Some(0.1)).contains("is due now"));
+        // what the last sessions cannot tell, one before them told
+        let since = [last(0.2, "arm changed"), last(0.2, "perhaps arm changed"), blind].concat();
+        let since: Vec<Comparison> =
+            since.into_iter().zip(1..).map(|(s, k)| Comparison { recording: format!("{k}.csv"), ..s }).collect();
+        assert!(says(&since, None, Some(0.3)).contains("is due now: in the last session that tells (1.csv)"));
+        assert!(says(&since[1..], None, Some(0.3)).contains("(3.csv) would show no change"));
         assert_eq!(says(&[], None, None), "");
     }
 }

@@ -33,7 +33,8 @@ use crate::probability::{Alternative, Says, Shares, probabilities, shares};
 use crate::rounds::{BASELINE, Rounds, is_parameter_of_arm};
 use crate::selection::Search;
 use crate::settings::{
-    ALTERNATIVES, ANGLES_FOR_CURVES, BEYOND_READINGS, DOUBTED_BELOW, SAME_ANGLE, UNNAMED_PRICE_NATS,
+    ALTERNATIVES, ANGLES_FOR_CURVES, BEYOND_READINGS, DOUBTED_BELOW, ROUGHLY_SETTLED, SAME_ANGLE, SETTLED_SHARE,
+    UNNAMED_PRICE_NATS,
 };
 use crate::specification_test::{Probes, SpecificationTest, doubt_by_rest};
 use crate::statistics::odds_outside_catalogue;
@@ -231,25 +232,25 @@ fn no_better_elsewhere(at: &str, plain: Option<ErrorSummary>, whole: Option<Erro
     })
 }
 
-/// Selection until nothing changes; then with rows restored that what was found, or one number more, explains; then with more to choose from where
-/// names do not say all; then only what pays at poses that the fit did not see.
+/// Selection; then with rows restored that what was found, or one number more, explains; then with more to choose from where names do not say
+/// all, until nothing changes; then only what pays at poses that the fit did not see.
 fn select(rounds: &mut Rounds, names_only: bool, task: &Task<'_>) -> Result<()> {
     task.step(0.05, "curves of the joints")?;
     rounds.hold_curves()?;
-    rounds.settle(true, &task.part(0.1, 0.35))?;
+    let mut is_exact = rounds.settle(true, ROUGHLY_SETTLED, &task.part(0.1, 0.35))?;
     if rounds.let_go_of_curves()? {
-        rounds.settle(true, &task.part(0.3, 0.35))?;
+        is_exact = rounds.settle(true, ROUGHLY_SETTLED, &task.part(0.3, 0.35))?;
     }
     // with the large effects out of the way
     if rounds.hold_curves()? {
-        rounds.settle(true, &task.part(0.35, 0.45))?;
+        is_exact = rounds.settle(true, ROUGHLY_SETTLED, &task.part(0.35, 0.45))?;
     }
     if rounds.take_back_rows()? | rounds.restore_rows()? {
-        rounds.settle(false, &task.part(0.45, 0.5))?;
+        is_exact = rounds.settle(false, ROUGHLY_SETTLED, &task.part(0.45, 0.5))?;
     }
     task.step(0.5, "looking again without names")?;
-    if !names_only && rounds.widen()? {
-        rounds.settle(false, &task.part(0.55, 0.7))?;
+    if (!names_only && rounds.widen()?) || !is_exact {
+        rounds.settle(false, SETTLED_SHARE, &task.part(0.55, 0.7))?;
     }
     task.step(0.7, "what pays at unseen poses")?;
     rounds.release_curves()?;

@@ -236,8 +236,10 @@ impl Rounds {
     /// Rounds of search and exact refit until the choice stays as it is. What was chosen is where the next round linearizes, so that
     /// two choices may each lead to the other: then the likelier one is taken. Between a first and a last round among all candidates
     /// only those are searched that were of use, or nearly, in the round among all before (as a working set's). `anew`: effects are also
-    /// chosen from nothing on, or else what was chosen so far is the first of the rounds.
-    pub(crate) fn settle(&mut self, anew: bool, task: &Task<'_>) -> Result<()> {
+    /// chosen from nothing on, or else what was chosen so far is the first of the rounds. A round that takes a smaller share than `least` off what
+    /// is left is the last; returns whether it took less than [`SETTLED_SHARE`].
+    pub(crate) fn settle(&mut self, anew: bool, least: f64, task: &Task<'_>) -> Result<bool> {
+        let mut is_exact = true;
         let mut rounds: Vec<Round> = if anew { Vec::new() } else { vec![self.round()] };
         for round in 0..MOST_ROUNDS {
             checkpoint()?;
@@ -270,11 +272,11 @@ impl Rounds {
             }
             let new = self.round();
             let been_there = rounds.iter().any(|r| r.is_as(&new, &self.candidates));
-            let least = if among_all { SETTLED_SHARE } else { SETTLED_AMONG_FEW };
             let best = rounds.iter().map(|r| touch_sigma(&r.fitted)).fold(f64::INFINITY, f64::min);
-            let same_noise = self.touch_sigma() > best * (1.0 - least);
+            let gained_less = |share: f64| been_there || self.touch_sigma() > best * (1.0 - share);
+            is_exact = gained_less(SETTLED_SHARE);
             rounds.push(new);
-            match (been_there || same_noise, among_all) {
+            match (gained_less(if among_all { least } else { SETTLED_AMONG_FEW }), among_all) {
                 (true, true) => break,
                 (true, false) => self.idle.clear(),
                 (false, true) => self.idle = idle,
@@ -282,7 +284,8 @@ impl Rounds {
             }
         }
         self.idle.clear();
-        self.take_likeliest(rounds)
+        self.take_likeliest(rounds)?;
+        Ok(is_exact)
     }
 
     /// Goes back to the likeliest of some rounds, of those that kept the same rows as the last one.

@@ -6,7 +6,7 @@ use crate::effect_id::{Cause, EffectId};
 use crate::linear::{Design, Downdate, Downdated, RegressionState};
 use crate::settings::{
     EVIDENCE_NATS, IDLE_NATS, LEANER_FOR_CURVES, LEANER_TRIED, MERGED_AMONG, MOST_EFFECTS, PAIR_SHORTLIST,
-    SAME_EVIDENCE_NATS,
+    SAME_EVIDENCE_NATS, SWAPS_WEIGHED,
 };
 use rayon::prelude::*;
 use trical_model::Place;
@@ -364,46 +364,51 @@ impl<'a> Search<'a> {
     /// Replaces those chosen candidates that are `asked` by better ones: one by one, or a rich one by two leaner ones that together say more (a
     /// twist hides in a wobble, but is one number instead of four). Whether nothing is left to replace.
     pub(crate) fn swap(&self, start: &RegressionState, chosen: &mut Vec<usize>, asked: &dyn Fn(usize) -> bool) -> bool {
-        for _ in 0..2 {
-            let set = chosen.clone();
-            let mut downdate = Downdate::new(self.design, start, &set);
-            let mut likes: Vec<(usize, RegressionState)> = Vec::new();
-            self.among(start, &set, |few, start| {
-                few.without_each(start, &set, &mut |own, like| {
-                    if asked(own) {
-                        likes.push((own, like.clone()));
-                    }
-                });
+        (0..2).any(|_| !self.swap_once(start, chosen, asked))
+    }
+
+    /// The same for members of one set only, each with the others as they were. Whether something was replaced, or perhaps, where it was asked to stop.
+    fn swap_once(&self, start: &RegressionState, chosen: &mut Vec<usize>, asked: &dyn Fn(usize) -> bool) -> bool {
+        let set = chosen.clone();
+        let mut downdate = Downdate::new(self.design, start, &set);
+        let mut likes: Vec<(usize, RegressionState)> = Vec::new();
+        self.among(start, &set, |few, start| {
+            few.without_each(start, &set, &mut |own, like| {
+                if asked(own) {
+                    likes.push((own, like.clone()));
+                }
             });
-            let members: Vec<Member> = likes
-                .into_par_iter()
-                .filter_map(|(own, like)| self.asked(own, downdate.without(&[own], &like), &set))
-                .collect();
-            if stop_wanted() {
-                return false;
+        });
+        let members: Vec<Member> = likes
+            .into_par_iter()
+            .filter_map(|(own, like)| self.asked(own, downdate.without(&[own], &like), &set))
+            .collect();
+        if stop_wanted() {
+            return true;
+        }
+        downdate.prepare(&members.iter().flat_map(|m| m.lean.iter().map(|r| r.candidate)).collect::<Vec<_>>());
+        let mut wishes: Vec<(f64, usize, Vec<usize>)> =
+            members.par_iter().flat_map_iter(|m| self.wishes(&downdate, m, &set)).collect();
+        // the best wish first; wishes that were made beside each other are checked together
+        wishes.sort_by(|a, b| whole(b.0).total_cmp(&whole(a.0)).then(a.1.cmp(&b.1)));
+        let (mut changed, mut weighed) = (false, 0);
+        for (_, own, new) in wishes {
+            // most wishes may be of one member, and all but one of them are then void
+            if !chosen.contains(&own) || new.iter().any(|n| chosen.contains(n)) {
+                continue;
             }
-            downdate.prepare(&members.iter().flat_map(|m| m.lean.iter().map(|r| r.candidate)).collect::<Vec<_>>());
-            let mut wishes: Vec<(f64, usize, Vec<usize>)> =
-                members.par_iter().flat_map_iter(|m| self.wishes(&downdate, m, &set)).collect();
-            // the best wish first; wishes that were made beside each other are checked together
-            wishes.sort_by(|a, b| whole(b.0).total_cmp(&whole(a.0)).then(a.1.cmp(&b.1)));
-            let mut changed = false;
-            for (_, own, new) in wishes.into_iter().take(6) {
-                if !chosen.contains(&own) || new.iter().any(|n| chosen.contains(n)) {
-                    continue;
-                }
-                let mut proposal: Vec<usize> = chosen.iter().filter(|c| **c != own).copied().collect();
-                proposal.extend(new);
-                if self.total(start, &proposal) > self.total(start, chosen) + SAME_EVIDENCE_NATS {
-                    *chosen = proposal;
-                    changed = true;
-                }
+            let mut proposal: Vec<usize> = chosen.iter().filter(|c| **c != own).copied().collect();
+            proposal.extend(new);
+            if self.total(start, &proposal) > self.total(start, chosen) + SAME_EVIDENCE_NATS {
+                *chosen = proposal;
+                changed = true;
             }
-            if !changed {
-                return true;
+            weighed += 1;
+            if weighed == SWAPS_WEIGHED {
+                break;
             }
         }
-        false
+        changed
     }
 
     /// Candidates that are far from being of use: beside a set, or in the place of one of it, others have at least [`IDLE_NATS`] more.
@@ -667,6 +672,31 @@ mod tests {
         };
         assert_eq!(swapped(&[0, 1, 4]), [0, 1, 4]);
         assert_eq!(swapped(&[0, 1]), [CYCLES.len()], "two of them do not");
+    }
+
+    /// Of each wave that is there (9, 14 and 40 cycles) a curve with many more, and waves that are hardly another number.
+    #[test]
+    fn each_of_several_curves_is_replaced_though_there_are_many_ways_to_replace_the_first() {
+        let wave = |cycles| off(Cause::Unexplained, 2, Shape::Sine { cycles });
+        let curve = |cycles: f64, more: u32| {
+            let mut curve = wave(cycles);
+            for k in 1..more {
+                let one = wave(cycles + 60.0 + 7.0 * f64::from(k));
+                curve.terms.extend(one.terms);
+                curve.signs.extend(one.signs);
+                curve.scales.extend(one.scales);
+            }
+            curve
+        };
+        let near = [9.0, 14.0, 40.0].iter().flat_map(|n| [0.02, -0.02, 0.03, -0.03].map(|d| wave(n + d)));
+        let more: Vec<Candidate> = [curve(9.0, 12), curve(14.0, 8), curve(40.0, 4)].into_iter().chain(near).collect();
+        let curves = [CYCLES.len(), CYCLES.len() + 1, CYCLES.len() + 2];
+        let left = asked_with(&more, |search, start| {
+            let mut chosen = curves.to_vec();
+            search.swap_once(start, &mut chosen, &|_| true);
+            curves.iter().filter(|c| chosen.contains(c)).count()
+        });
+        assert_eq!(left, 0, "curves are left");
     }
 
     #[test]

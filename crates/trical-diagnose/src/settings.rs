@@ -209,6 +209,9 @@ pub const SAME_EVIDENCE_NATS: f64 = 1e-6;
 /// Leaner candidates that are tried, with another one, in the place of a rich one.
 pub const LEANER_TRIED: usize = 3;
 
+/// Replacements that are weighed together, the best first: beside those that were made the others are worth less than they were.
+pub const SWAPS_WEIGHED: usize = 6;
+
 /// So many together may take the place of a curve, without a name or an encoder's, that covered several effects of its joint: no two may say as much.
 pub const LEANER_FOR_CURVES: usize = 4;
 
@@ -227,6 +230,9 @@ pub const SETTLED_SHARE: f64 = 0.002;
 
 /// The same of a round among few candidates: one among all follows it.
 pub const SETTLED_AMONG_FEW: f64 = 0.01;
+
+/// The same of rounds that others follow, when curves were held or let go, rows came back, or names were doubted: only the last need be exact.
+pub const ROUGHLY_SETTLED: f64 = 0.1;
 
 /// How often effects and the correlation of the noise are chosen in turn.
 pub const NOISE_ALTERNATIONS: usize = 4;

@@ -4,6 +4,7 @@ use super::*;
 use crate::effect_id::EffectId;
 use crate::options::Options;
 use crate::rounds::Rounds;
+use crate::settings::SETTLED_SHARE;
 use crate::test_data::{arm, states, with_joint_2};
 use trical_model::{State, Task};
 
@@ -109,7 +110,7 @@ fn beside_products(wave: f64) -> Vec<Cause> {
     let (truth, data) =
         with_joint_2(&[(Basis::new(Q2, sine), wave), (product(sine, sine), 5e-5), (product(cosine, cosine), -5e-5)]);
     let mut rounds = Rounds::begin(&truth.robot, &truth.cell, &data, &Options::default()).unwrap();
-    rounds.settle(true, &Task::silent()).unwrap();
+    rounds.settle(true, SETTLED_SHARE, &Task::silent()).unwrap();
     let chosen = rounds.chosen.iter().map(|c| &rounds.candidates[*c]);
     chosen.filter(|c| c.site == Place::Joint(2)).map(|c| c.cause).collect()
 }

@@ -203,6 +203,41 @@ fn of_a_tree_of_transforms_one_frame_is_the_measurement() {
     assert!(message.contains("has transforms of probe on /tracker/pose; name the frame"), "{message}");
 }
 
+/// So does a topic of single transforms, to which an instrument publishes everything that it sees.
+#[test]
+fn of_transforms_of_several_frames_on_one_topic_one_is_the_measurement() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let both = |t: f64, angle: f64| {
+        let (child, x) = if (t * 50.0).round() % 10.0 == 2.0 { ("probe", angle) } else { ("wall", 7.0) };
+        stamped(t, &["tracker", child], &[x, 2.0, -3.0, 0.0, 0.0, 0.0, 1.0])
+    };
+    bag(&path, "geometry_msgs/msg/TransformStamped", &both);
+    let message = read_any(&path, Some(2), None).unwrap_err().to_string();
+    assert!(message.contains("has transforms of probe, wall on /tracker/pose; name the frame"), "{message}");
+    let rows = read_any(&path, Some(2), Some("/tracker/pose:probe")).unwrap().recording.rows;
+    let x: Vec<f64> = rows.iter().filter_map(|r| r.measured.lengths().1.first().copied()).collect();
+    assert!(x.len() == 3 && x.iter().zip(STOPS).all(|(x, angle)| (x - angle).abs() < 1e-12), "{x:?}");
+}
+
+/// Joint states that are missing while the arm moves on do not say where it was.
+#[test]
+fn what_was_seen_while_joint_states_are_missing_is_no_row() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let seen = |t: f64, angle: f64| stamped(t, &["tracker"], &[if t < 102.0 { t } else { angle }, 2.0, -3.0]);
+    let told = |k: u32, mut state: JointState| {
+        if k < 12 {
+            state.position[1] = 0.01 * f64::from(k);
+        }
+        if (12..100).contains(&k) { Vec::new() } else { vec![state] }
+    };
+    bag_with(&path, "geometry_msgs/msg/PointStamped", &seen, &told);
+    let read = read_any(&path, Some(2), None).unwrap().recording;
+    let q: Vec<f64> = read.rows.iter().map(|r| r.state.q[0]).collect();
+    assert!(q.len() == 1 && (q[0] - STOPS[2]).abs() < 1e-12, "{q:?} {:?}", read.notes);
+}
+
 #[test]
 fn the_joints_of_an_arm_are_told_by_its_description_or_by_the_numbers_in_their_names() {
     let of = |names: &[&str], arm: &[&str], joints: Option<usize>| {

@@ -87,7 +87,7 @@ pub(super) fn recording(
         let all = all.ok_or_else(|| wrong(path, &seen_on, number, "no such message in little-endian CDR"))?;
         seen.extend(all.into_iter().map(|stamped| (m, stamped)));
     }
-    if kind == StampedKind::Tree {
+    if matches!(kind, StampedKind::Tree | StampedKind::Transform) {
         let wanted = frame_of_tree(&seen, child, &format!("{name}#{seen_on}"), &seen_on).map_err(bad)?;
         seen.retain(|(_, s)| s.child == wanted);
     }
@@ -460,8 +460,9 @@ fn stands(samples: &[Sample], sights: &[Sight]) -> Stands {
         let from = samples.partition_point(|s| s.t < sight.t - AROUND).min(after.saturating_sub(1));
         let to = samples.partition_point(|s| s.t <= sight.t + AROUND).max((after + 1).min(samples.len()));
         let near: Vec<&Sample> = samples[from..to].iter().filter(|s| (s.t - sight.t).abs() <= NEAR).collect();
-        let has_before = near.iter().any(|s| s.t <= sight.t);
-        if near.is_empty() || !has_before && near.iter().all(|s| s.t > sight.t + AROUND) {
+        // one on either side, or one so near that it is both: while joint states are missing, the arm may move
+        let (before, after) = (|s: &&Sample| s.t <= sight.t + AROUND, |s: &&Sample| s.t >= sight.t - AROUND);
+        if !(near.iter().any(before) && near.iter().any(after)) {
             out.without += 1;
             continue;
         }

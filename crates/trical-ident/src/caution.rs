@@ -59,6 +59,9 @@ pub fn beyond_limits(robot: &Robot, data: &Dataset) -> Option<String> {
 /// A joint that turns farther than this, rad, has limits in other units.
 const TURNS_SO_FAR: f64 = 20.0;
 
+/// And one that slides farther than this, m.
+const SLIDES_SO_FAR: f64 = 200.0;
+
 /// An arm that weighs more than this, kg, for each cubed metre of its lengths has masses in other units: table-top arms and those of 11 t have 25
 /// to 90.
 const WEIGHS_SO_MUCH: f64 = 3000.0;
@@ -78,14 +81,24 @@ fn odd_masses(robot: &Robot) -> Option<String> {
 }
 
 fn odd_limits(robot: &Robot) -> Option<String> {
-    let far = |j: &Joint| j.kind == JointKind::Revolute && j.limits.iter().any(|l| l.abs() > TURNS_SO_FAR);
+    let far = |j: &Joint| match j.kind {
+        JointKind::Revolute => j.limits.iter().any(|l| l.abs() > TURNS_SO_FAR),
+        JointKind::Prismatic => j.limits.iter().any(|l| l.abs() > SLIDES_SO_FAR),
+    };
     let (k, joint) = robot.joints.iter().enumerate().find(|(_, j)| far(j))?;
-    let [low, high] = joint.limits.map(f64::to_degrees);
-    Some(format!(
-        "joint {} turns from {low:.0} to {high:.0} deg by the robot file, {:.0} turns: are its limits in deg where the file has rad?",
-        k + 1,
-        (high - low) / 360.0
-    ))
+    let (per_si, unit) = joint.kind.unit();
+    let [low, high] = joint.limits.map(|l| l * per_si);
+    Some(match joint.kind {
+        JointKind::Revolute => format!(
+            "joint {} turns from {low:.0} to {high:.0} {unit} by the robot file, {:.0} turns: are its limits in deg where the file has rad?",
+            k + 1,
+            (high - low) / 360.0
+        ),
+        JointKind::Prismatic => format!(
+            "joint {} slides from {low:.0} to {high:.0} {unit} by the robot file: are its limits in mm where the file has m?",
+            k + 1
+        ),
+    })
 }
 
 /// Errors that are left after identification and that no arm has: what was given does not go together.
@@ -415,6 +428,10 @@ mod tests {
     fn a_base_far_away_and_few_rows_are_told() {
         let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
         let cell = Cell::parse(include_str!("../../../cells/irb120/cell.toml"), "cell.toml").unwrap();
+        let mut rail = robot.clone();
+        (rail.joints[0].kind, rail.joints[0].limits) = (JointKind::Prismatic, [0.0, 900.0]);
+        let said = odd_units(&rail);
+        assert!(said.len() == 1 && said[0].starts_with("joint 1 slides from 0 to 900000 mm"), "{said:?}");
         let mut model = Model::nominal(robot, cell);
         let mut term = Term::new("base_z", "geometry", Site::Base(Motion::Along(Axis::Z)), Basis::CONSTANT);
         term.value = 0.05;

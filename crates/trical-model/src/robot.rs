@@ -200,7 +200,7 @@ fn is_zero(x: &f64) -> bool {
 }
 
 /// No joint goes farther, deg or mm: whoever looks for all solutions tries every whole turn within its limits.
-const FARTHEST: f64 = 1e6;
+pub(crate) const FARTHEST: f64 = 1e6;
 
 /// The newest version of the file formats that this program knows.
 pub const FORMAT_VERSION: u32 = 1;

@@ -314,6 +314,18 @@ fn only_what_the_chain_needs_may_refuse() {
 
 /// An arm with a camera and a tool: the end that is proposed is the tool.
 #[test]
+fn limits_as_of_joints_without_stops_are_those_that_a_robot_file_may_have() {
+    for kind in ["revolute", "prismatic"] {
+        let text = format!(
+            r#"<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="{kind}"><parent link="a"/><child link="b"/>
+            <axis xyz="0 0 1"/><limit lower="-1e16" upper="1e16" effort="1" velocity="1"/></joint></robot>"#
+        );
+        let robot = parse(&text, "r.urdf", None, None).unwrap().robot;
+        assert_eq!(Robot::parse(&robot.to_toml(), "robot.toml").unwrap().joints[0].limits, robot.joints[0].limits);
+    }
+}
+
+#[test]
 fn of_several_ends_the_likeliest_is_proposed() {
     let more = "<link name='camera'/><link name='tool0'/>
 <joint name='j3' type='fixed'><parent link='c'/><child link='camera'/></joint>

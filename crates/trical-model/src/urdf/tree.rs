@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::error::{ModelError, Result};
 use crate::pose::Pose;
 use crate::recording::MAX_JOINTS;
-use crate::robot::JointKind;
+use crate::robot::{FARTHEST, JointKind};
 
 use super::xml::{Inertial, Joint, Urdf, error};
 
@@ -272,7 +272,12 @@ fn limits(joint: &Joint, file: &str) -> Result<[f64; 2]> {
         Some((line, Some(a), Some(b))) if a >= b => {
             bad(line, &format!("<limit> found lower {a} and upper {b}, expected a lower and a higher number"))
         }
-        Some((_, Some(a), Some(b))) => Ok([a, b]),
+        Some((_, Some(a), Some(b))) => {
+            // 1e16 where there is no stop: as far as a robot file may have it
+            let kind = if joint.kind == "prismatic" { JointKind::Prismatic } else { JointKind::Revolute };
+            let most = FARTHEST / kind.unit().0 * (1.0 - f64::EPSILON);
+            Ok([a, b].map(|l| l.clamp(-most, most)))
+        }
     }
 }
 

@@ -18,6 +18,7 @@ use crate::optional::{rail, sag};
 use crate::rigid::median;
 use crate::triangle::{Triangle, dot};
 
+use crate::weak::plausible;
 /// Upper triangular `R` (p x p) of the QR factorization of the weighted Jacobian, accumulated block by block so that memory
 /// does not grow with the rows. Priors count as measurements of the parameters themselves.
 #[must_use]
@@ -530,6 +531,31 @@ fn sorts(data: &Dataset, turned: bool) -> Vec<Sort> {
 
 /// The independent ones among the candidates of `set`, in order of preference, and what was left out.
 ///
+/// How far parameters of geometry with these names move a coordinate of the tool, each as far from nominal as is plausible: root mean square over
+/// poses at random, m.
+///
+/// # Errors
+/// As [`Forward::new`].
+pub(crate) fn plausibly_moved(model: &Model, data: &Dataset, names: &[&str]) -> Result<f64> {
+    const POSES: usize = 100;
+    let mut terms = candidates(model, data, &Choice::from(ParameterSet::Geometry))?;
+    terms.retain(|t| names.contains(&t.name.as_str()));
+    if terms.is_empty() {
+        return Ok(0.0);
+    }
+    let (p, model) = (terms.len(), Model { terms, ..model.clone() });
+    let plausible = plausible(&model, data);
+    let forward = Forward::new(model, (0..p).collect())?;
+    let (mut ws, mut block, mut square) = (forward.workspace(), vec![0.0; 6 * p], 0.0);
+    let anywhere = Measured::Pose { position: [0.0; 3], quaternion: [1.0, 0.0, 0.0, 0.0] };
+    for state in random_states(forward.model(), POSES, &[]) {
+        forward.linearize(&state, &anywhere, 0, &mut ws, &mut block);
+        let each = block[..3 * p].iter().zip(plausible.iter().cycle());
+        square += each.map(|(x, sd)| (x * sd.unwrap_or(0.0)).powi(2)).sum::<f64>();
+    }
+    Ok((square / (3 * POSES) as f64).sqrt())
+}
+
 /// Independence is structural: it is judged on the nominal arm at random poses, with the sorts of measurement that the data
 /// has, so that it does not depend on where the data happens to be. Joints that hardly move in the data stay where they are, and what
 /// cannot be told without their motion is held. Where balls stood at unknown places, parameters of the arm that do the same are all

@@ -11,8 +11,10 @@ use trical_model::{
 
 use crate::dataset::{Dataset, JointSource, References};
 use crate::date::newest;
+use crate::degenerate::little;
 use crate::error::{IdentError, Result};
 use crate::fit::orientation_errors;
+use crate::identifiability::plausibly_moved;
 use crate::identify::Identified;
 use crate::units::{unit, unit_of_turning};
 
@@ -45,8 +47,8 @@ pub struct Uncertainty {
     /// How far what happened in the course of the sessions moved a coordinate from where it began, root mean square, m: it may have stayed so, or as much
     /// may happen, unforeseen, in the course of another one.
     pub course: f64,
-    /// How far the effects that were found move a coordinate, root mean square, m: at joint angles that the model was not fitted at they may be
-    /// otherwise by as much.
+    /// How far the effects that were found move a coordinate, or what was held at nominal since joints hardly move may do, root mean square, m: at
+    /// joint angles that the model was not fitted at they may be otherwise by as much.
     pub effects: f64,
 }
 
@@ -67,13 +69,14 @@ impl Uncertainty {
         let course =
             moved(&fitted.model, &fitted.data, &|t| t.scope() == Scope::Course).map_or(0.0, |m| m.from_beginning);
         let rotation_noise = rotation_noise(fitted);
-        known.then_some(Self { names, correlation, noise, rotation_noise, course, effects: 0.0 })
+        let effects = plausibly_moved(&fitted.model, &fitted.data, &fitted.held()).unwrap_or(0.0);
+        known.then_some(Self { names, correlation, noise, rotation_noise, course, effects })
     }
 
     /// The same of a model with effects, without which a coordinate was off by `plain`, m.
     #[must_use]
     pub fn of_effects(self, plain: f64) -> Self {
-        Self { effects: (plain * plain - self.noise * self.noise).max(0.0).sqrt(), ..self }
+        Self { effects: (plain * plain - self.noise * self.noise).max(self.effects.powi(2)).sqrt(), ..self }
     }
 }
 
@@ -428,15 +431,17 @@ impl ModelFile {
         self.sessions.iter().map(|s| s.recording.as_str()).collect()
     }
 
-    /// Joint angles that its recordings visited, of those joints whose angle a term of the arm is a function of: geometry and compliance
-    /// hold everywhere. Empty where the file does not say.
+    /// Joint angles that its recordings visited, of those joints whose angle a term of the arm is a function of, and of those that hardly moved:
+    /// geometry and compliance hold everywhere, but what only a joint's motion could show was kept at nominal. Empty where the file does not say.
     #[must_use]
     pub fn visited(&self) -> Support {
         let all = self.sessions.iter().fold(Support::default(), |all, s| all.with(&s.visited));
         let follows = |t: &Term, joint| {
             t.basis.of == Variable::Joint { joint } || t.basis.beside.is_some_and(|b| b.joint == joint)
         };
-        all.of_joints(|joint| self.model.terms.iter().any(|t| t.scope() == Scope::Arm && follows(t, joint)))
+        let followed = |joint| self.model.terms.iter().any(|t| t.scope() == Scope::Arm && follows(t, joint));
+        let rests = |joint| all.stroke(joint).is_some_and(|stroke| stroke < little(&self.model.robot, joint - 1));
+        all.of_joints(|joint| rests(joint) || followed(joint))
     }
 
     /// Session (from 1) that a recording with this fingerprint is.

@@ -5,11 +5,12 @@
 //! `h C h' + s^2 k (S'S)^-1 k'`, `h = j - k (S'S)^-1 S'J`: what belongs to the session makes up for part of what is wrong with the arm.
 //! Where a curve was never visited `C` is its prior, so that predictions are as uncertain there as the curve is. What happened in the course of
 //! the sessions that were learnt (warming up, a step) may happen in another one, unforeseen: its spread is added. At joint angles that the model
-//! was not fitted at, the effects that were found may be others: predictions are at least as uncertain there as these are large.
+//! was not fitted at, the effects that were found may be others, and what was held at nominal since joints hardly moved may be off: predictions are
+//! at least as uncertain there as these are large.
 
 use faer::linalg::solvers::{DenseSolveCore, Solve};
 use faer::{Mat, Side};
-use trical_model::{Forward, Measured, Model, Scope, Site, State};
+use trical_model::{Forward, Measured, Model, Scope, Site, State, Support};
 
 use crate::dataset::{Dataset, Observation};
 use crate::error::{IdentError, Result};
@@ -103,6 +104,9 @@ pub struct Expected {
     forward: Forward,
     /// Of the terms that are free in `forward`.
     covariance: Mat<f64>,
+    /// Where it is at least so uncertain: beyond these joint angles.
+    visited: Support,
+    effects: f64,
 }
 
 impl Expected {
@@ -116,10 +120,12 @@ impl Expected {
         let of_session = |k: &usize| matches!(model.terms[*k].site, Site::Frame { .. } | Site::Target { .. });
         let known = known(model, uncertainty, &|k| !of_session(&k) && model.terms[k].scope() != Scope::Course);
         let forward = Forward::new(model.clone(), known.iter().map(|k| k.0).collect())?;
-        Ok(Some(Self { covariance: covariance(model, uncertainty, &known), forward }))
+        let covariance = covariance(model, uncertainty, &known);
+        Ok(Some(Self { covariance, forward, visited: file.visited(), effects: uncertainty.effects }))
     }
 
-    /// Standard deviation of a coordinate of the tool's position in the arm's base by the parameters alone, m: root mean square of the three.
+    /// Standard deviation of a coordinate of the tool's position in the arm's base by the parameters, m: root mean square of the three. Beyond the
+    /// joint angles that the model was fitted at it is no less than what may be otherwise there.
     #[must_use]
     pub fn deviation(&self, state: &State) -> f64 {
         let (p, mut ws) = (self.forward.free().len(), self.forward.workspace());
@@ -129,7 +135,8 @@ impl Expected {
         let h = Mat::from_fn(3, p, |i, j| block[i * p + j]);
         let through = &h * &self.covariance;
         let square: f64 = (0..3).flat_map(|i| (0..p).map(move |j| (i, j))).map(|at| through[at] * h[at]).sum();
-        (square.max(0.0) / 3.0).sqrt()
+        let effects = if self.visited.beyond(&state.q).is_some() { self.effects } else { 0.0 };
+        (square / 3.0).max(effects * effects).sqrt()
     }
 }
 

@@ -3,7 +3,8 @@
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use trical_ident::{
-    Dataset, IdentError, JointSource, Options, ParameterSet, calibrate, identify, parse_csv, reject_gross_errors,
+    Dataset, Expected, IdentError, JointSource, ModelFile, Options, ParameterSet, calibrate, identify, parse_csv,
+    reject_gross_errors, validate,
 };
 use trical_model::{Cell, Forward, Measured, Model, Pose, Recording, Robot, Row, State, Task};
 
@@ -132,6 +133,15 @@ fn what_a_joint_that_rests_would_tell_is_held_and_too_few_poses_name_what_they_c
     let held = found.fitted.held();
     assert!(held.len() == 4 && held.iter().all(|name| cautions.contains(name)), "{cautions}");
     assert!(found.fitted.free.len() == 23 && found.errors.max_mm < 0.03, "{:?}", found.errors);
+    // where joint 4 is elsewhere, the model knows that it may be off by what was held
+    let file = ModelFile::of_fit(&found.fitted);
+    let at = |q4: f64| State::at(&[0.3, 0.2, 0.1, q4, 0.5, 0.6]);
+    assert_eq!((file.visited().beyond(&at(0.2).q), file.visited().beyond(&at(1.2).q)), (None, Some(4)));
+    let expected = Expected::of(&file).unwrap().unwrap();
+    let [near, away] = [0.2, 1.2].map(|q4| expected.deviation(&at(q4)) * 1e3);
+    assert!(near < 0.05 && (0.5..5.0).contains(&away), "{near} {away}");
+    let elsewhere = validate(&robot(), &cell(), &file, &[points(60, varied)], None, None).unwrap();
+    assert!(elsewhere.beyond > Some(50) && elsewhere.predicted.unwrap().sd_mm > 0.5);
     let few = |_: &mut Pcg64Mcg, k: usize| {
         let mut rng = Pcg64Mcg::seed_from_u64(100 + (k % 5) as u64);
         varied(&mut rng, 0)

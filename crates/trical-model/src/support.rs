@@ -105,6 +105,13 @@ impl Support {
         Self { joints: each.map(|(k, v)| if matters(k + 1) { v.clone() } else { everywhere(v.turns) }).collect() }
     }
 
+    /// From the lowest to the highest angle of a joint (from 1) that was visited, rad (m of a sliding one); `None` where none was.
+    #[must_use]
+    pub fn stroke(&self, joint: usize) -> Option<f64> {
+        let stretches = &self.joints.get(joint - 1)?.stretches;
+        Some(stretches.last()?[1] - stretches.first()?[0])
+    }
+
     /// Whether nothing is known.
     #[must_use]
     pub fn is_empty(&self) -> bool {
@@ -155,6 +162,8 @@ mod tests {
             assert_eq!(s.beyond(&at(new)), Some(1), "{new}");
         }
         assert_eq!(s.of_joints(|joint| joint != 1).beyond(&at(0.0)), None);
+        assert!((s.stroke(1).unwrap().to_degrees() - 218.0).abs() < 1e-9 && s.stroke(2) == Some(0.0));
+        assert_eq!(Support::default().stroke(1), None);
         // another joint
         let mut q = at(10.0);
         q[3] = 1.0;

@@ -14,7 +14,7 @@ use crate::error::Result;
 use crate::fit::factor;
 use crate::known::{Known, KnownParameters};
 use crate::noise::Noise;
-use crate::optional::{rail, sag};
+use crate::optional::{length_zeros, rail, sag};
 use crate::rigid::median;
 use crate::triangle::{Triangle, dot};
 
@@ -402,7 +402,7 @@ fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Term
 }
 
 /// Groups of terms of which the measurements decide whether they are needed: what gravity does to an arm without masses where compliance is
-/// asked for, and errors of a rail over its length where everything is.
+/// asked for, and errors of a rail over its length and zeros of measured lengths where everything is.
 ///
 /// # Errors
 /// As [`Choice::elasticity`].
@@ -430,6 +430,7 @@ fn waves(joint: usize) -> impl Iterator<Item = Term> {
     };
     [(1, 1.0), (2, 2.0)].into_iter().flat_map(wave)
 }
+        groups.push(length_zeros(model, data));
 
 /// What says how far joints give way under load.
 fn compliances(model: &Model, choice: &Choice, elasticity: Elasticity) -> Vec<Term> {
@@ -530,7 +531,6 @@ fn sorts(data: &Dataset, turned: bool) -> Vec<Sort> {
 }
 
 /// The independent ones among the candidates of `set`, in order of preference, and what was left out.
-///
 /// How far parameters of geometry with these names move a coordinate of the tool, each as far from nominal as is plausible: root mean square over
 /// poses at random, m.
 ///
@@ -556,6 +556,7 @@ pub(crate) fn plausibly_moved(model: &Model, data: &Dataset, names: &[&str]) -> 
     Ok((square / (3 * POSES) as f64).sqrt())
 }
 
+///
 /// Independence is structural: it is judged on the nominal arm at random poses, with the sorts of measurement that the data
 /// has, so that it does not depend on where the data happens to be. Joints that hardly move in the data stay where they are, and what
 /// cannot be told without their motion is held. Where balls stood at unknown places, parameters of the arm that do the same are all

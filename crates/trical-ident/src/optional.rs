@@ -1,7 +1,7 @@
-//! Terms that an arm may need, of which the measurements decide: what gravity does to one whose masses nobody knows, and errors of a rail over its
-//! length.
+//! Terms that an arm or its instrument may need, of which the measurements decide: what gravity does to an arm whose masses nobody knows, errors of a
+//! rail over its length, and where measured lengths begin.
 
-use trical_model::{Axis, Basis, Forward, JointKind, Model, Parameter, Shape, Site, State, Term, Variable};
+use trical_model::{Axis, Basis, Forward, JointKind, Measured, Model, Parameter, Shape, Site, State, Term, Variable};
 
 use crate::dataset::Dataset;
 
@@ -72,4 +72,12 @@ pub(crate) fn rail(model: &Model, data: &Dataset) -> Vec<Vec<Term>> {
         ],
         vec![term("bow_a", link(1, Parameter::A), bow), term("bow_d", link(2, Parameter::D), bow)],
     ]
+}
+
+/// Zeros of the lengths that were measured, as of wire encoders that count from anywhere.
+pub(crate) fn length_zeros(model: &Model, data: &Dataset) -> Vec<Term> {
+    let seen = |anchor: &usize| data.has(|m| matches!(m, Measured::Distance { anchor: a, .. } if a + 1 == *anchor));
+    let zero =
+        |anchor| Term::new(format!("zero_{anchor}"), "length_zero", Site::LengthZero { anchor }, Basis::CONSTANT);
+    (1..=model.cell.anchors.len()).filter(seen).map(zero).collect()
 }

@@ -126,6 +126,26 @@ fn an_arm_is_identified_from_lengths_whatever_the_cell_says() {
 }
 
 #[test]
+fn lengths_that_count_from_anywhere_have_their_zeros_identified() {
+    let truth = off_nominal(Model::nominal(robot(), cell(3)), 3);
+    let mut recording = lengths(&truth, 240, 1e-5, 4);
+    let zeros = [5e-3, 0.0, -2e-3];
+    for row in &mut recording.rows {
+        if let Measured::Distance { anchor, length } = &mut row.measured {
+            *length += zeros[*anchor];
+        }
+    }
+    let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
+    let found = identify(&robot(), &guess(3), &data, ParameterSet::Complete).unwrap();
+    let errors = ErrorSummary::of(&found.errors().unwrap());
+    assert!((0.007..0.012).contains(&errors.rms_mm), "{errors:?}");
+    for (k, zero) in zeros.iter().enumerate() {
+        let term = found.model.terms.iter().find(|t| t.name == format!("zero_{}", k + 1)).unwrap();
+        assert!((term.value - zero).abs() < 1e-4, "{}: {}", term.name, term.value);
+    }
+}
+
+#[test]
 fn a_csv_of_lengths_says_the_same() {
     let truth = Model::nominal(robot(), cell(1));
     let recording = lengths(&truth, 60, 0.0, 6);

@@ -1,6 +1,8 @@
 //! A model beside recordings: which sessions of it they are, what belongs to them and is identified there, what of it says nothing of them.
 
-use trical_model::{Basis, Cell, Forward, Measured, Model, Motion, Pose, Recording, Scope, Shape, Site, Term};
+use trical_model::{
+    Axis, Basis, Cell, Forward, Measured, Model, Motion, Payload, Pose, Recording, Scope, Shape, Site, Term, Tool,
+};
 
 use crate::ball_places::{self, training_poses};
 use crate::dataset::{Dataset, JointSource, References, told_of_tool};
@@ -223,7 +225,7 @@ fn places(
 /// What measurements tell of the tool: its TCP, with poses its direction, its targets.
 fn tool_sites(cell: &Cell, measured: impl Iterator<Item = Measured> + Clone) -> Vec<Site> {
     let (motions, targets) = told_of_tool(cell.tool.targets.len(), measured);
-    let of_target = |target| trical_model::Axis::ALL.map(|axis| Site::Target { target, axis });
+    let of_target = |target| Axis::ALL.map(|axis| Site::Target { target, axis });
     motions.iter().map(|m| Site::Tool(*m)).chain(targets.into_iter().flat_map(of_target)).collect()
 }
 
@@ -299,6 +301,19 @@ fn leave_out(model: &mut Model, data: &Dataset, places: &[Place]) -> Vec<LeftOut
     out
 }
 
+/// What a session carries by its cell file beside what the model's cell has: no recording is needed to know it.
+fn other_load(model: &Tool, cell: &Tool, session: u32) -> Vec<Term> {
+    let moment = (cell.cog - model.cog) * cell.mass;
+    let mass = (String::new(), Payload::Mass, cell.mass - model.mass);
+    let moments = Axis::ALL.map(|axis| (format!("_{}", axis.name()), Payload::Moment(axis), moment[axis.index()]));
+    let basis = Basis::CONSTANT.in_session(session);
+    let term = |(name, what, value)| Term {
+        value,
+        ..Term::new(format!("payload{name}_s{session}"), "payload", Site::Payload(what), basis)
+    };
+    std::iter::once(mass).chain(moments).filter(|(.., value)| *value != 0.0).map(term).collect()
+}
+
 /// Adds to the model what belongs to the session of one recording and is to be identified there.
 fn add_own(model: &mut Model, cell: &Cell, data: &Dataset, place: &Place) {
     let any = |f: &dyn Fn(&Measured) -> bool| {
@@ -332,6 +347,9 @@ fn add_own(model: &mut Model, cell: &Cell, data: &Dataset, place: &Place) {
                 model.terms.push(t);
             }
         }
+    }
+    if place.learnt.is_none() {
+        model.terms.extend(other_load(&model.cell.tool, &cell.tool, place.session));
     }
     if let Some((frame, true)) = place.frame {
         model.frames.resize(model.frames.len().max(frame + 1), Pose::identity());

@@ -3,13 +3,13 @@
 
 use serde::Serialize;
 use serde::ser::SerializeMap;
-use trical_model::{Cell, Model, Motion, Recording, Robot, Site, Task};
+use trical_model::{Cell, MAX_JOINTS, Model, Motion, Recording, Robot, Site, Task};
 use trical_recording::CsvStream;
 
 use crate::by_place::{ByPlace, MeasuredDistance, OfPlace, TriedByPlace, choose, doubtful_places};
 use crate::caution::{
-    EVEN_MASSES, beyond_limits, cautions, coincident, held, near_nominal, no_arm, odd_units, shared_errors, too_many,
-    which_target, without_masses,
+    EVEN_MASSES, beyond_limits, cautions, coincident, held, loads_left_out, near_nominal, no_arm, odd_units,
+    shared_errors, too_many, which_target, without_masses,
 };
 use crate::dataset::{Dataset, JointSource, Rejected};
 use crate::error::{IdentError, Result};
@@ -17,7 +17,7 @@ use crate::fit::orientation_errors;
 use crate::folds::Folds;
 use crate::held_out::held_out;
 pub use crate::held_out::{HeldOut, cross_validate, forward_in_time, score_sessions};
-use crate::identifiability::{Choice, Dependent, Elasticity, OwnSetup, ParameterSet};
+use crate::identifiability::{Choice, Dependent, Elasticity, OwnSetup, ParameterSet, measured_torques};
 use crate::identify::{ErrorSummary, Identified, identify};
 use crate::joint_choice::clean;
 use crate::read_otherwise::read_otherwise;
@@ -193,6 +193,7 @@ impl Calibration {
         } else {
             out.extend(without_masses(self.elasticity, &f.model));
         }
+        out.extend(loads_left_out(self.elasticity, &f.model.robot, &f.data));
         if f.model.cell.balls.len() == 1 && f.model.cell.anchors.is_empty() && f.data.frames() == 0 {
             out.push("no distance between balls is known: the scale is held by the arm's nominal lengths alone".into());
         }
@@ -295,6 +296,10 @@ impl Serialize for Calibration {
     }
 }
 
+fn torques_of(recordings: &[Recording]) -> [bool; MAX_JOINTS] {
+    measured_torques(recordings.iter().flat_map(|r| &r.rows).map(|row| &row.state))
+}
+
 /// Calibrates an arm from recordings of it, one session each.
 ///
 /// # Errors
@@ -308,7 +313,7 @@ pub fn calibrate(
 ) -> Result<Calibration> {
     let set = options.choice.set();
     // a robot file that says half is refused before anything else is told
-    options.choice.elasticity_of(robot, recordings.iter().flat_map(|r| &r.rows).all(|r| r.state.torques.is_some()))?;
+    options.choice.elasticity_of(robot, torques_of(recordings))?;
     task.step(0.05, "looking for gross errors")?;
     let data = clean(robot, cell, recordings, options.joints, set, options.keep_outliers)?;
     task.step(0.2, "fitting")?;
@@ -388,9 +393,7 @@ pub fn calibrate_stream(
 ) -> Result<Calibration> {
     let set = options.choice.set();
     let sample = stream.sample()?;
-    options
-        .choice
-        .elasticity_of(robot, sample.recordings.iter().flat_map(|r| &r.rows).all(|r| r.state.torques.is_some()))?;
+    options.choice.elasticity_of(robot, torques_of(&sample.recordings))?;
     let data = clean(robot, cell, &sample.recordings, options.joints, set, options.keep_outliers)?;
     let elasticity = options.choice.elasticity(robot, &data)?;
     task.step(0.2, "fitting in passes")?;

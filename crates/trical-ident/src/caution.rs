@@ -4,7 +4,7 @@ use trical_model::{Axis, Basis, Joint, JointKind, Measured, Model, Motion, Param
 
 use crate::dataset::Dataset;
 use crate::degenerate::hardly_moving;
-use crate::identifiability::{Elasticity, NEAR_PARALLEL};
+use crate::identifiability::{Elasticity, NEAR_PARALLEL, measured_torques};
 use crate::weak::SOFTEST;
 
 /// A base farther from where the cell file has it is more likely a mistake than a measurement, m and rad.
@@ -277,6 +277,39 @@ pub fn without_masses(elasticity: Elasticity, model: &Model) -> Option<String> {
     })
 }
 
+/// What to say of loads that were recorded and have no part in the model.
+#[must_use]
+pub fn loads_left_out(elasticity: Elasticity, robot: &Robot, data: &Dataset) -> Option<String> {
+    if elasticity == Elasticity::NotAsked {
+        return None;
+    }
+    let (all, states) = (data.observations.len(), data.observations.iter().map(|o| &o.state));
+    let with = states.clone().filter(|s| s.torques.is_some()).count();
+    if with > 0 && with < all {
+        return Some(format!(
+            "{} of {all} measurements have no joint torques (tau1_nm ...): those of the others were not used",
+            all - with
+        ));
+    }
+    let measured = measured_torques(states.clone());
+    let same: Vec<usize> = (1..=robot.dof()).filter(|joint| !measured[joint - 1]).collect();
+    if with > 0 && !same.is_empty() {
+        return Some(format!(
+            "the torques of joint{} {} are the same in all measurements, so that no sensor measured them: they were not used",
+            if same.len() > 1 { "s" } else { "" },
+            numbers(&same)
+        ));
+    }
+    let mut payloads = states.filter_map(|s| s.payload_kg);
+    let first = payloads.next();
+    let changes = payloads.any(|kg| Some(kg) != first);
+    (changes && elasticity == Elasticity::Inclination).then(|| {
+        "payload_kg changes, but without masses of the links or joint torques (tau1_nm ...) the model cannot follow it: how the arm gives way under \
+         the payload is left as an error"
+            .into()
+    })
+}
+
 /// What to say of points of which nobody says which target they are, where the cell has several.
 #[must_use]
 pub fn which_target(data: &Dataset, targets: usize) -> Option<String> {
@@ -395,6 +428,10 @@ mod tests {
         let said = odd_units(&odd);
         assert!(said[0].starts_with("joint 2 turns from -9511 to 9511 deg by the robot file, 53 turns"), "{said:?}");
         assert!(said.len() == 2 && said[1].ends_with("is mass_kg in g?"), "{said:?}");
+        let mut rail = robot.clone();
+        (rail.joints[0].kind, rail.joints[0].limits) = (JointKind::Prismatic, [0.0, 900.0]);
+        let said = odd_units(&rail);
+        assert!(said.len() == 1 && said[0].starts_with("joint 1 slides from 0 to 900000 mm"), "{said:?}");
     }
 
     #[test]
@@ -428,10 +465,6 @@ mod tests {
     fn a_base_far_away_and_few_rows_are_told() {
         let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
         let cell = Cell::parse(include_str!("../../../cells/irb120/cell.toml"), "cell.toml").unwrap();
-        let mut rail = robot.clone();
-        (rail.joints[0].kind, rail.joints[0].limits) = (JointKind::Prismatic, [0.0, 900.0]);
-        let said = odd_units(&rail);
-        assert!(said.len() == 1 && said[0].starts_with("joint 1 slides from 0 to 900000 mm"), "{said:?}");
         let mut model = Model::nominal(robot, cell);
         let mut term = Term::new("base_z", "geometry", Site::Base(Motion::Along(Axis::Z)), Basis::CONSTANT);
         term.value = 0.05;

@@ -4,7 +4,8 @@ use faer::{Mat, Side};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use trical_model::{
-    Cell, Forward, Measured, Model, Motion, Parameter, Robot, Shape, Site, State, Term, Variable, residual_rows,
+    Cell, Forward, MAX_JOINTS, Measured, Model, Motion, Parameter, Robot, Shape, Site, State, Term, Variable,
+    residual_rows,
 };
 
 use crate::ball_places::{self, base_is_fixed, unknown_places};
@@ -17,8 +18,8 @@ use crate::noise::Noise;
 use crate::optional::{length_zeros, rail, sag};
 use crate::rigid::median;
 use crate::triangle::{Triangle, dot};
-
 use crate::weak::plausible;
+
 /// Upper triangular `R` (p x p) of the QR factorization of the weighted Jacobian, accumulated block by block so that memory
 /// does not grow with the rows. Priors count as measurements of the parameters themselves.
 #[must_use]
@@ -271,25 +272,25 @@ impl Choice {
         self.set
     }
 
-    /// From what is known how far joints give way: measured torques, where every row has them; else masses. Joints that were named for it
+    /// From what is known how far joints give way: [`measured_torques`], where there are any; else masses. Joints that were named for it
     /// need one of both.
     ///
     /// # Errors
     /// Joints were named, or some links have masses and others do not, and there are no torques.
     pub fn elasticity(&self, robot: &Robot, data: &Dataset) -> Result<Elasticity> {
-        let rows = &data.observations;
-        self.elasticity_of(robot, !rows.is_empty() && rows.iter().all(|o| o.state.torques.is_some()))
+        self.elasticity_of(robot, measured_torques(data.observations.iter().map(|o| &o.state)))
     }
 
-    /// As [`Self::elasticity`], told whether every row has torques.
+    /// As [`Self::elasticity`], told of which joints torques were measured.
     ///
     /// # Errors
     /// As [`Self::elasticity`].
-    pub(crate) fn elasticity_of(&self, robot: &Robot, has_torques: bool) -> Result<Elasticity> {
+    pub(crate) fn elasticity_of(&self, robot: &Robot, torques: [bool; MAX_JOINTS]) -> Result<Elasticity> {
         if self.set < ParameterSet::Compliance {
             return Ok(Elasticity::NotAsked);
         }
-        if has_torques {
+        let all_named = || self.compliant.iter().flatten().all(|joint| torques[joint - 1]);
+        if torques.contains(&true) && (robot.require_masses().is_ok() || all_named()) {
             return Ok(Elasticity::Torques);
         }
         let some = self.compliant.is_some() || robot.joints.iter().any(|j| j.mass.is_some());
@@ -309,6 +310,20 @@ impl Choice {
     fn is_compliant(&self, joint: usize) -> bool {
         self.compliant.as_ref().is_none_or(|c| c.contains(&joint))
     }
+}
+
+/// Of which joints (from 0) torques were measured: of every row, and not the same in all, as where the arm has no sensor and writes zeros.
+pub(crate) fn measured_torques<'a>(states: impl Iterator<Item = &'a State>) -> [bool; MAX_JOINTS] {
+    let mut first = None;
+    let mut differ = [false; MAX_JOINTS];
+    for state in states {
+        let Some(torques) = state.torques else { return [false; MAX_JOINTS] };
+        let first = first.get_or_insert(torques);
+        for (differs, (a, b)) in differ.iter_mut().zip(first.iter().zip(&torques)) {
+            *differs |= a != b;
+        }
+    }
+    differ
 }
 
 impl From<ParameterSet> for Choice {
@@ -392,7 +407,7 @@ fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Term
         terms.push(link(Parameter::Alpha, 0, "alpha"));
         terms.push(link(Parameter::A, 0, "a"));
     }
-    terms.extend(compliances(model, choice, choice.elasticity(&model.robot, data)?));
+    terms.extend(compliances(model, data, choice)?);
     if choice.waves {
         terms.extend((1..=n).flat_map(waves));
     }
@@ -415,6 +430,7 @@ pub(crate) fn optional_groups(model: &Model, data: &Dataset, choice: &Choice) ->
     let mut groups = if sags { vec![sag(model)] } else { Vec::new() };
     if choice.set == ParameterSet::Complete {
         groups.extend(rail(model, data));
+        groups.push(length_zeros(model, data));
     }
     groups.retain(|g| !g.is_empty());
     Ok(groups)
@@ -430,17 +446,23 @@ fn waves(joint: usize) -> impl Iterator<Item = Term> {
     };
     [(1, 1.0), (2, 2.0)].into_iter().flat_map(wave)
 }
-        groups.push(length_zeros(model, data));
 
-/// What says how far joints give way under load.
-fn compliances(model: &Model, choice: &Choice, elasticity: Elasticity) -> Vec<Term> {
-    let of = match elasticity {
-        Elasticity::NotAsked | Elasticity::Inclination => return Vec::new(),
-        Elasticity::Torques => trical_model::Basis::measured_torque,
-        Elasticity::Masses => |joint| trical_model::Basis::torque(joint, Shape::Linear),
+/// What says how far joints give way under load: of joints without a torque sensor the masses, where they are known.
+fn compliances(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Term>> {
+    let elasticity = choice.elasticity(&model.robot, data)?;
+    let measured = match elasticity {
+        Elasticity::NotAsked | Elasticity::Inclination => return Ok(Vec::new()),
+        Elasticity::Torques => measured_torques(data.observations.iter().map(|o| &o.state)),
+        Elasticity::Masses => [false; MAX_JOINTS],
     };
-    let joints = (1..=model.robot.dof()).filter(|joint| choice.is_compliant(*joint));
-    joints.map(|joint| Term::new(format!("c_{joint}"), "compliance", Site::Joint { joint }, of(joint))).collect()
+    let masses = model.robot.require_masses().is_ok();
+    let joints = (1..=model.robot.dof()).filter(|joint| choice.is_compliant(*joint) && (measured[joint - 1] || masses));
+    let basis = |joint| match measured[joint - 1] {
+        true => trical_model::Basis::measured_torque(joint),
+        false => trical_model::Basis::torque(joint, Shape::Linear),
+    };
+    let term = |joint| Term::new(format!("c_{joint}"), "compliance", Site::Joint { joint }, basis(joint));
+    Ok(joints.map(term).collect())
 }
 
 /// Axes with a smaller sine between them are nearly parallel (6 deg): an error of 3 mrad then moves their common normal by more than 3 % of
@@ -497,11 +519,11 @@ fn random_states(model: &Model, count: usize, resting: &[(usize, f64)]) -> Vec<S
             for (joint, at) in resting {
                 s.q[*joint] = *at;
             }
-            let torques: [f64; trical_model::MAX_JOINTS] =
+            let torques: [f64; MAX_JOINTS] =
                 std::array::from_fn(|k| 20.0 * (q.get(k).copied().unwrap_or(0.3) * 7.3).sin());
             s.torques = Some(torques);
             s.q_commanded = Some(s.q);
-            s.dir = Some([1; trical_model::MAX_JOINTS]);
+            s.dir = Some([1; MAX_JOINTS]);
             s.t = Some(0.0);
             s.temp_c = Some(20.0);
             s
@@ -509,28 +531,6 @@ fn random_states(model: &Model, count: usize, resting: &[(usize, f64)]) -> Vec<S
         .collect()
 }
 
-/// A sort of measurement: what, its measuring frame, its session, its place of the balls.
-type Sort = (Measured, usize, Option<u32>, Option<usize>);
-
-/// One measurement of each sort that the data has: target, anchor, frame, session. Touches are one sort, since which ball it is changes no
-/// derivative, unless the set of balls is `turned`: then they differ by ball and place.
-fn sorts(data: &Dataset, turned: bool) -> Vec<Sort> {
-    let mut seen: Vec<Sort> = Vec::new();
-    for o in &data.observations {
-        let blank = match o.measured {
-            Measured::Touch { ball, .. } => Measured::Touch { ball: if turned { ball } else { 0 }, reading: [0.0; 3] },
-            Measured::Reference { .. } => continue,
-            other => other.blank(),
-        };
-        let sort = (blank, o.frame, o.state.session, o.state.place.filter(|_| turned));
-        if !seen.contains(&sort) {
-            seen.push(sort);
-        }
-    }
-    seen
-}
-
-/// The independent ones among the candidates of `set`, in order of preference, and what was left out.
 /// How far parameters of geometry with these names move a coordinate of the tool, each as far from nominal as is plausible: root mean square over
 /// poses at random, m.
 ///
@@ -556,6 +556,28 @@ pub(crate) fn plausibly_moved(model: &Model, data: &Dataset, names: &[&str]) -> 
     Ok((square / (3 * POSES) as f64).sqrt())
 }
 
+/// A sort of measurement: what, its measuring frame, its session, its place of the balls.
+type Sort = (Measured, usize, Option<u32>, Option<usize>);
+
+/// One measurement of each sort that the data has: target, anchor, frame, session. Touches are one sort, since which ball it is changes no
+/// derivative, unless the set of balls is `turned`: then they differ by ball and place.
+fn sorts(data: &Dataset, turned: bool) -> Vec<Sort> {
+    let mut seen: Vec<Sort> = Vec::new();
+    for o in &data.observations {
+        let blank = match o.measured {
+            Measured::Touch { ball, .. } => Measured::Touch { ball: if turned { ball } else { 0 }, reading: [0.0; 3] },
+            Measured::Reference { .. } => continue,
+            other => other.blank(),
+        };
+        let sort = (blank, o.frame, o.state.session, o.state.place.filter(|_| turned));
+        if !seen.contains(&sort) {
+            seen.push(sort);
+        }
+    }
+    seen
+}
+
+/// The independent ones among the candidates of `set`, in order of preference, and what was left out.
 ///
 /// Independence is structural: it is judged on the nominal arm at random poses, with the sorts of measurement that the data
 /// has, so that it does not depend on where the data happens to be. Joints that hardly move in the data stay where they are, and what

@@ -4,7 +4,7 @@
 //! what belongs to that session (measuring frame, place of the balls, tool points) is identified there from some of its poses and the
 //! others are scored, or it is taken as the model has it.
 
-use trical_model::{Cell, Forward, Measured, Model, Recording, Robot, Support};
+use trical_model::{Cell, Forward, Measured, Model, Recording, Robot, Support, Variable};
 
 use crate::adapted::{Adapted, LeftOut, Refit, adapted, own_terms, refitted};
 use crate::ball_places::{self, place_of, training_poses};
@@ -92,6 +92,9 @@ pub struct Validation {
     pub carried_over: Vec<String>,
     /// How far the cell file has the tool from where that of the model has it, mm, if it does; the model's is used.
     pub other_tool_mm: Option<f64>,
+    /// Mass on the flange by the cell file and by the cell of the fit, kg, where they differ (or their centres of gravity) and terms follow the load; the
+    /// cell file's is used for recordings that the model was not fitted to.
+    pub other_load_kg: Option<[f64; 2]>,
     /// Rows that were not used.
     pub rejected: Vec<Rejected>,
     /// Errors one by one, m: before, after.
@@ -141,7 +144,10 @@ impl Validation {
                 "The cell file has the tool {mm:.3} mm from where the cell of the fit has it; the model's was used."
             )
         });
-        reasons.into_iter().map(left_out).chain(carried).chain(other).collect()
+        let load = self.other_load_kg.map(|[here, fit]| {
+            format!("The cell file has {here} kg on the flange, or at another place than the cell of the fit, which has {fit} kg; the cell file's load was used.")
+        });
+        reasons.into_iter().map(left_out).chain(carried).chain(other).chain(load).collect()
     }
 }
 
@@ -211,7 +217,12 @@ pub fn validate(
         None => None,
     };
     let off = (cell.tool.tcp - file.model.cell.tool.tcp).norm();
+    let [here, fit] = [&cell.tool, &file.model.cell.tool];
+    let follows_load = model.terms.iter().any(|t| matches!(t.basis.of, Variable::Moment { .. }));
+    let other_load =
+        follows_load && (here.mass, here.cog) != (fit.mass, fit.cog) && places.iter().any(|p| p.learnt.is_none());
     Ok(Validation {
+        other_load_kg: other_load.then_some([here.mass, fit.mass]),
         other_tool_mm: (off > SAME_TOOL).then_some(off * 1e3),
         before: ErrorSummary::of(&before),
         after: ErrorSummary::of(&after),

@@ -3,7 +3,8 @@
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use trical_ident::{
-    Aim, Calibration, Dataset, JointSource, Options, ParameterSet, Scatter, calibrate, simulate, torque_loads,
+    Aim, Calibration, Dataset, JointSource, ModelFile, Options, ParameterSet, Scatter, calibrate, simulate,
+    torque_loads, validate,
 };
 use trical_model::{Basis, Forward, Measured, Model, Pose, Recording, Row, Shape, Site, State, Task, Term, Variable};
 
@@ -64,6 +65,61 @@ fn compliance_is_found_by_the_torques_that_were_measured_without_masses() {
     let c = calibrated(&truth, seen(&truth, 120, 1e-6, 4, true, resting));
     assert!(value(&c, "c_5").is_none() && c.fitted.held().contains(&"c_5"), "{:?}", c.fitted.held());
     assert!(value(&c, "c_2").is_some());
+}
+
+#[test]
+fn a_torque_column_that_no_sensor_wrote_gives_way_to_masses_and_what_is_left_out_is_told() {
+    let mut truth = without_masses(3);
+    let nominal = crate::arm::truth(ParameterSet::Geometry, 3).robot;
+    truth.robot.joints.iter_mut().zip(&nominal.joints).for_each(|(j, known)| j.mass = known.mass);
+    for (joint, basis) in [(2, Basis::measured_torque(2)), (3, Basis::torque(3, Shape::Linear))] {
+        let term = Term::new(format!("c_{joint}"), "compliance", Site::Joint { joint }, basis);
+        truth.terms.push(Term { value: 9.0e-5, ..term });
+    }
+    let recording = seen(&truth, 120, 1e-6, 4, true, WIDE);
+    let with = |change: &dyn Fn(usize, &mut State)| {
+        let mut recording = recording.clone();
+        recording.rows.iter_mut().enumerate().for_each(|(k, row)| change(k, &mut row.state));
+        recording
+    };
+    let said = |c: &Calibration, part: &str| assert!(c.cautions().join("\n").contains(part), "{:?}", c.cautions());
+    let only_two =
+        with(&|_, s| s.torques = s.torques.map(|t| std::array::from_fn(|k| if k == 1 { t[1] } else { 0.0 })));
+    let c = calibrated(&truth, only_two.clone());
+    assert!(["c_2", "c_3"].iter().all(|n| (value(&c, n).unwrap() - 9.0e-5).abs() < 1e-6), "{:?}", c.fitted.model.terms);
+    said(&c, "the torques of joints 1, 3, 4, 5 and 6 are the same in all measurements");
+    // of all zeros, and where one row has none, the masses count
+    let c = calibrated(&truth, with(&|_, s| s.torques = Some([0.0; 9])));
+    assert_eq!(c.elasticity, trical_ident::Elasticity::Masses);
+    let c = calibrated(&truth, with(&|k, s| s.torques = s.torques.filter(|_| k != 7)));
+    assert_eq!(c.elasticity, trical_ident::Elasticity::Masses);
+    said(&c, "1 of 120 measurements have no joint torques");
+    // a joint that was named needs its own sensor, or masses
+    truth.robot.joints.iter_mut().for_each(|j| j.mass = None);
+    let choice = |joints: &[usize]| trical_ident::Choice::new(ParameterSet::Complete, joints, 6).unwrap();
+    let named = |joints| {
+        let options = Options { choice: choice(joints), ..Options::new(ParameterSet::Complete) };
+        calibrate(&truth.robot, &truth.cell, std::slice::from_ref(&only_two), &options, &Task::silent())
+    };
+    assert!(named(&[2]).is_ok() && named(&[2, 3]).is_err_and(|e| e.to_string().contains("mass")));
+    let c = calibrated(&truth, with(&|k, s| (s.torques, s.payload_kg) = (None, Some([0.0, 3.0][k % 2]))));
+    said(&c, "payload_kg changes, but without masses");
+}
+
+#[test]
+fn another_load_on_the_flange_is_taken_from_the_cell_file_of_the_recording() {
+    let mut truth = crate::arm::truth(ParameterSet::Complete, 3);
+    truth.frames = vec![Pose::identity()];
+    let file = ModelFile::of_fit(&calibrated(&truth, seen(&truth, 120, 1e-6, 4, false, WIDE)).fitted);
+    let mut heavy = truth.clone();
+    heavy.cell.tool.mass += 3.0;
+    heavy.cell.tool.cog += nalgebra::Vector3::new(0.02, 0.0, 0.05);
+    let recording = seen(&heavy, 60, 1e-6, 5, false, WIDE);
+    let scored = |cell| validate(&truth.robot, cell, &file, std::slice::from_ref(&recording), None, None).unwrap();
+    let (told, untold) = (scored(&heavy.cell), scored(&truth.cell));
+    assert!(told.after.max_mm < 0.01 && untold.after.mean_mm > 0.1, "{:?} {:?}", told.after, untold.after);
+    let said = told.left_out_in_words(str::to_owned).join(" ");
+    assert!(said.contains("the cell file's load was used") && untold.other_load_kg.is_none(), "{said}");
 }
 
 #[test]

@@ -53,6 +53,7 @@ pub(crate) fn validation(before: f64, after: f64) -> Validation {
         after,
     };
     Validation {
+        other_load_kg: None,
         other_tool_mm: None,
         before,
         after,

@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 use trical_model::{Basis, Cell, Model, Motion, Pose, Robot, Site, Term};
-use trical_program::{Dialect, Frames, MARK, Options, Program, ToolFrame, compensate};
+use trical_program::{Dialect, Frame, Frames, MARK, Options, Program, compensate};
 
 /// The nominal IRB 120, and one whose base is 1 mm off and whose joint 2 is 0.001 rad off.
 static ARMS: LazyLock<(Model, Model)> = LazyLock::new(|| {
@@ -18,10 +18,10 @@ static ARMS: LazyLock<(Model, Model)> = LazyLock::new(|| {
 
 /// Tools 1 and 2 and frame 1, for listings that name no more than numbers.
 static FRAMES: LazyLock<Frames> = LazyLock::new(|| {
-    let tool = |z: f64| Ok(ToolFrame::massless(Pose { translation: [0.0, 0.0, z].into(), ..Pose::identity() }));
+    let at = |z: f64| Ok(Frame::massless(Pose { translation: [0.0, 0.0, z].into(), ..Pose::identity() }));
     Frames {
-        tools: [("1".into(), tool(0.118)), ("2".into(), tool(0.14))].into(),
-        frames: [("1".into(), Ok(Pose::identity()))].into(),
+        tools: [("1".into(), at(0.118)), ("2".into(), at(0.14))].into(),
+        frames: [("1".into(), at(0.0))].into(),
         world: None,
     }
 });
@@ -83,9 +83,8 @@ pub fn frames(data: &[u8]) -> bool {
     let Ok(text) = std::str::from_utf8(data) else { return false };
     let Ok(frames) = Frames::parse(text, "f.toml") else { return false };
     assert!(frames.world.iter().all(is_rigid), "{text}");
-    assert!(frames.frames.values().all(|f| is_rigid(f.as_ref().unwrap())), "{text}");
-    for t in frames.tools.values().map(|t| t.as_ref().unwrap()) {
-        assert!(is_rigid(&t.flange_from_tool) && t.mass.is_finite() && t.mass >= 0.0, "{text}");
+    for t in frames.tools.values().chain(frames.frames.values()).map(|t| t.as_ref().unwrap()) {
+        assert!(is_rigid(&t.parent_from_frame) && t.mass.is_finite() && t.mass >= 0.0, "{text}");
         assert!(t.cog.iter().all(|x| x.is_finite()), "{text}");
     }
     true

@@ -2,10 +2,9 @@
 
 use std::collections::{BTreeSet, HashSet};
 
-use crate::frames::{Frames, ToolFrame};
+use crate::frames::{Frame, Frames};
 pub use crate::scan::Outside;
 use crate::scan::Setup;
-use trical_model::Pose;
 
 /// With what a motion goes to a target.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -33,8 +32,8 @@ pub trait Elsewhere {
     /// The routine of this name.
     fn routine(&self, name: &str) -> Option<Outside>;
 
-    /// The tool of this name, or what is wrong with it.
-    fn tool(&self, _name: &str) -> Option<Result<ToolFrame, String>> {
+    /// The tool or the frame of this name, or what is wrong with it.
+    fn frame(&self, _is_tool: bool, _name: &str) -> Option<Result<Frame, String>> {
         None
     }
 
@@ -55,11 +54,6 @@ pub trait Elsewhere {
 
     /// Six numbers of data of this name (`XHOME`, `$ROBROOT`) that belong to all programs, by the names of the numbers.
     fn values(&self, _name: &[u8], _fields: &[&[u8]; 6]) -> Option<[f64; 6]> {
-        None
-    }
-
-    /// The frame of this name, as [`Self::tool`].
-    fn frame(&self, _name: &str) -> Option<Result<Pose, String>> {
         None
     }
 

@@ -15,7 +15,7 @@ use crate::dialects::{Dialect, MARK, krl};
 use crate::elsewhere::{Elsewhere, Nowhere, Outside};
 use crate::error::ProgramError;
 use crate::flow::at_calls;
-use crate::frames::{AT, Frames, Named, TIMES, ToolFrame};
+use crate::frames::{AT, Frame, Frames, TIMES};
 use crate::modules::Modules;
 use crate::options::{Options, Spelling};
 use crate::report::{Report, listed, summarized};
@@ -239,7 +239,8 @@ fn sources(program: &Path) -> impl Iterator<Item = PathBuf> {
 
 /// Takes over a tool or a frame that a caller sets and its file declares, under a name that says whose it is; what its file does not
 /// declare means the same in all files.
-fn take_with<T: Clone>(name: &mut Option<String>, theirs: &Named<T>, known: &mut Named<T>, file: &str) {
+fn take_with(is_tool: bool, setup: &mut Setup, theirs: &Frames, known: &mut Frames, file: &str) {
+    let (name, theirs, known) = (setup.slot(is_tool), theirs.of(is_tool), known.of_mut(is_tool));
     let is_theirs = |own: &&String| *own != "0" && (theirs.contains_key(*own) || own.contains(TIMES));
     let Some(own) = name.as_ref().filter(is_theirs) else { return };
     let whose = match own.split_once(AT) {
@@ -362,8 +363,9 @@ impl<'a> Beside<'a> {
             let file = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
             let mut meant = |setup: &Setup| {
                 let mut setup = setup.clone();
-                take_with(&mut setup.tool, &scan.frames.tools, &mut found.frames.tools, &file);
-                take_with(&mut setup.frame, &scan.frames.frames, &mut found.frames.frames, &file);
+                for is_tool in [true, false] {
+                    take_with(is_tool, &mut setup, &scan.frames, &mut found.frames, &file);
+                }
                 setup
             };
             let mut is_used = false;
@@ -440,10 +442,11 @@ impl<'a> Beside<'a> {
     }
 
     /// What the nearest file has that declares this for all.
-    fn global_frame<T: Clone>(&self, find: impl Fn(&Frames) -> Option<&T>) -> Option<T> {
-        let (found, file) = self.global_frames().iter().find_map(|(frames, file)| Some((find(frames)?, file)))?;
-        self.note_read(file.clone());
-        Some(found.clone())
+    fn global_frame(&self, is_tool: bool, name: &str) -> Option<Result<Frame, String>> {
+        let find = |(frames, file): &'_ (Frames, String)| Some((frames.of(is_tool).get(name)?.clone(), file.clone()));
+        let (found, file) = self.global_frames().iter().find_map(find)?;
+        self.note_read(file);
+        Some(found)
     }
 
     /// Files in which a routine was looked for and that were not read, in one sentence.
@@ -504,14 +507,9 @@ impl Elsewhere for Beside<'_> {
         (!self.reads_callers.get()).then(|| self.callers().set_by.get(&name).cloned()).flatten()
     }
 
-    fn tool(&self, name: &str) -> Option<Result<ToolFrame, String>> {
-        let by_caller = self.callers.get().and_then(|c| c.frames.tools.get(name).cloned());
-        by_caller.or_else(|| self.global_frame(|frames| frames.tools.get(name)))
-    }
-
-    fn frame(&self, name: &str) -> Option<Result<Pose, String>> {
-        let by_caller = self.callers.get().and_then(|c| c.frames.frames.get(name).cloned());
-        by_caller.or_else(|| self.global_frame(|frames| frames.frames.get(name)))
+    fn frame(&self, is_tool: bool, name: &str) -> Option<Result<Frame, String>> {
+        let by_caller = self.callers.get().and_then(|c| c.frames.of(is_tool).get(name).cloned());
+        by_caller.or_else(|| self.global_frame(is_tool, name))
     }
 
     fn values(&self, name: &[u8], fields: &[&[u8]; 6]) -> Option<[f64; 6]> {

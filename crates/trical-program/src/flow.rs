@@ -318,12 +318,10 @@ fn in_any_file(setup: Setup) -> Setup {
 /// What was set where nobody knows it stands for nothing usable.
 fn declare_unknown(scan: &mut Scan) {
     let Scan { setups, frames, .. } = scan;
-    let names = |of: fn(&Setup) -> Option<&String>| {
-        setups.iter().filter_map(of).filter(|n| n.starts_with(UNKNOWN)).cloned().collect::<Vec<_>>()
-    };
-    let why = |name: &String| format!("is meant with {name}");
-    frames.tools.extend(names(|s| s.tool.as_ref()).into_iter().map(|n| (n.clone(), Err(why(&n)))));
-    frames.frames.extend(names(|s| s.frame.as_ref()).into_iter().map(|n| (n.clone(), Err(why(&n)))));
+    for is_tool in [true, false] {
+        let names = setups.iter().filter_map(|s| s.of(is_tool)).filter(|n| n.starts_with(UNKNOWN));
+        frames.of_mut(is_tool).extend(names.map(|n| (n.clone(), Err(format!("is meant with {n}")))));
+    }
 }
 
 /// What is set by one of two ways; `why` where they differ.

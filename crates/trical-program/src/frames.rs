@@ -11,34 +11,34 @@ use trical_model::{Cell, Pose, Tool};
 
 use crate::error::ProgramError;
 
-/// A tool as a program declares it.
+/// A tool, or a work object (base, user frame), as a program declares it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ToolFrame {
-    /// The tool's centre point and axes in the flange.
-    pub flange_from_tool: Pose,
-    /// Mass, kg.
+pub struct Frame {
+    /// The tool's centre point and axes in the flange; the work object in the controller's world.
+    pub parent_from_frame: Pose,
+    /// Mass of a tool, kg.
     pub mass: f64,
-    /// Centre of gravity in the flange frame, m.
+    /// Centre of gravity of a tool in the flange frame, m.
     pub cog: Vector3<f64>,
 }
 
-impl ToolFrame {
-    /// A tool without a known mass.
+impl Frame {
+    /// A work object, or a tool without a known mass.
     #[must_use]
-    pub fn massless(flange_from_tool: Pose) -> Self {
-        Self { flange_from_tool, mass: 0.0, cog: Vector3::zeros() }
+    pub fn massless(parent_from_frame: Pose) -> Self {
+        Self { parent_from_frame, mass: 0.0, cog: Vector3::zeros() }
     }
 
-    /// A tool whose centre point is given in this one.
+    /// One that is given in this one.
     #[must_use]
-    pub fn compose(&self, in_tool: &Self) -> Self {
-        Self { flange_from_tool: self.flange_from_tool.compose(&in_tool.flange_from_tool), ..*self }
+    pub fn compose(&self, inner: &Self) -> Self {
+        Self { parent_from_frame: self.parent_from_frame.compose(&inner.parent_from_frame), ..*self }
     }
 
     /// Whether this is the tool of the cell: the same place to 0.01 mm, the same axes to 0.01 deg.
     #[must_use]
     pub fn is_of(&self, cell: &Cell) -> bool {
-        let p = &self.flange_from_tool;
+        let p = &self.parent_from_frame;
         (p.translation - cell.tool.tcp).amax() < 1e-5 && (p.rotation - cell.tool.rotation).amax() < 2e-4
     }
 
@@ -46,9 +46,9 @@ impl ToolFrame {
     #[must_use]
     pub fn tool(&self) -> Tool {
         Tool {
-            tcp: self.flange_from_tool.translation,
-            rotation: self.flange_from_tool.rotation,
-            targets: vec![self.flange_from_tool.translation],
+            tcp: self.parent_from_frame.translation,
+            rotation: self.parent_from_frame.rotation,
+            targets: vec![self.parent_from_frame.translation],
             mass: self.mass,
             cog: self.cog,
         }
@@ -56,15 +56,15 @@ impl ToolFrame {
 }
 
 /// Tools or frames by their names; one that is nothing usable says why.
-pub type Named<T> = BTreeMap<String, Result<T, String>>;
+pub type Named = BTreeMap<String, Result<Frame, String>>;
 
 /// Tools and work objects by lower-case name.
 #[derive(Clone, Debug, Default)]
 pub struct Frames {
     /// Tools.
-    pub tools: Named<ToolFrame>,
+    pub tools: Named,
     /// Work objects (bases, user frames) in the controller's world.
-    pub frames: Named<Pose>,
+    pub frames: Named,
     /// The controller's world in the arm's foot, where it is not the foot itself.
     pub world: Option<Pose>,
 }
@@ -73,8 +73,9 @@ impl Frames {
     /// The flange as a tool and the controller's world as a frame, by the names that a controller has for them.
     #[must_use]
     pub fn predefined(flange: &str, world: &str) -> Self {
-        let flange = (flange.to_owned(), Ok(ToolFrame::massless(Pose::identity())));
-        Self { tools: [flange].into(), frames: [(world.to_owned(), Ok(Pose::identity()))].into(), world: None }
+        let [tools, frames] =
+            [flange, world].map(|name| [(name.to_owned(), Ok(Frame::massless(Pose::identity())))].into());
+        Self { tools, frames, world: None }
     }
 
     /// With these as [`Self::predefined`]: no program changes them.
@@ -83,13 +84,31 @@ impl Frames {
         self.tools.extend(tools);
         self.frames.extend(frames);
     }
+
+    /// The tools, or the frames.
+    #[must_use]
+    pub fn of(&self, is_tool: bool) -> &Named {
+        if is_tool { &self.tools } else { &self.frames }
+    }
+
+    /// As [`Self::of`], to add to them.
+    pub fn of_mut(&mut self, is_tool: bool) -> &mut Named {
+        if is_tool { &mut self.tools } else { &mut self.frames }
+    }
+
+    /// What has this name is nothing usable, neither as a tool nor as a frame.
+    pub fn refuse(&mut self, name: &str, why: &str) {
+        for known in [&mut self.tools, &mut self.frames] {
+            known.insert(name.to_owned(), Err(why.to_owned()));
+        }
+    }
 }
 
 /// Stands between a name and the offset in the text where it is given; a report says the line instead.
 pub const AT: &str = " at byte ";
 
 /// The name of what a program gives without one: of the first that is the same, else `name`, under which it is kept.
-pub fn named<T: PartialEq>(known: &mut Named<T>, name: String, new: Result<T, String>) -> String {
+pub fn named(known: &mut Named, name: String, new: Result<Frame, String>) -> String {
     if let Some((first, _)) = known.iter().find(|(first, old)| new.is_ok() && **old == new && first.contains(AT)) {
         return first.clone();
     }
@@ -101,17 +120,12 @@ pub fn named<T: PartialEq>(known: &mut Named<T>, name: String, new: Result<T, St
 pub const TIMES: &str = " : ";
 
 /// Looks a frame up `elsewhere` that is not `known`; of a product, each of its frames.
-pub fn find<T: Clone>(
-    known: &mut Named<T>,
-    name: Option<&String>,
-    elsewhere: &dyn Fn(&str) -> Option<Result<T, String>>,
-    compose: fn(&T, &T) -> T,
-) {
+pub fn find(known: &mut Named, name: Option<&String>, elsewhere: &dyn Fn(&str) -> Option<Result<Frame, String>>) {
     let Some(name) = name.filter(|name| !known.contains_key(*name)) else { return };
     let parts = name.split(TIMES).map(|part| known.get(part).cloned().or_else(|| elsewhere(part)));
     let all = parts.reduce(|a, b| match (a, b) {
         (Some(Err(why)), _) | (_, Some(Err(why))) => Some(Err(why)),
-        (Some(Ok(a)), Some(Ok(b))) => Some(Ok(compose(&a, &b))),
+        (Some(Ok(a)), Some(Ok(b))) => Some(Ok(a.compose(&b))),
         _ => None,
     });
     known.extend(all.flatten().map(|frame| (name.clone(), frame)));
@@ -157,6 +171,17 @@ impl FrameFile {
         };
         Ok(Pose { rotation, translation: Vector3::from(self.xyz_mm) * 1e-3 })
     }
+
+    fn frame(&self, is_tool: bool) -> Result<Frame, String> {
+        if !is_tool && (self.mass_kg.is_some() || self.cog_mm.is_some()) {
+            return Err("mass_kg and cog_mm belong to tools".into());
+        }
+        let (mass, cog) = (self.mass_kg.unwrap_or(0.0), self.cog_mm.unwrap_or_default());
+        if !(mass.is_finite() && (0.0..1e4).contains(&mass)) || cog.iter().any(|c| !c.is_finite() || c.abs() > 1e6) {
+            return Err(format!("found {mass} kg at {cog:?} mm, expected a mass and its place"));
+        }
+        Ok(Frame { mass, cog: Vector3::from(cog) * 1e-3, ..Frame::massless(self.pose()?) })
+    }
 }
 
 impl Frames {
@@ -181,27 +206,13 @@ impl Frames {
         if let Some(world) = &raw.world {
             out.world = Some(world.pose().map_err(|e| bad("[world]", e))?);
         }
-        for (name, f) in &raw.frames {
-            let place = format!("[frames.{name}]");
-            if f.mass_kg.is_some() || f.cog_mm.is_some() {
-                return Err(bad(&place, "mass_kg and cog_mm belong to tools".into()));
-            }
-            if out.frames.insert(name.to_lowercase(), Ok(f.pose().map_err(|e| bad(&place, e))?)).is_some() {
-                return Err(bad(&place, TWICE.into()));
-            }
-        }
-        for (name, f) in &raw.tools {
-            let place = format!("[tools.{name}]");
-            let mass = f.mass_kg.unwrap_or(0.0);
-            let cog = f.cog_mm.unwrap_or_default();
-            if !(mass.is_finite() && (0.0..1e4).contains(&mass)) || cog.iter().any(|c| !c.is_finite() || c.abs() > 1e6)
-            {
-                return Err(bad(&place, format!("found {mass} kg at {cog:?} mm, expected a mass and its place")));
-            }
-            let flange_from_tool = f.pose().map_err(|e| bad(&place, e))?;
-            let tool = ToolFrame { flange_from_tool, mass, cog: Vector3::from(cog) * 1e-3 };
-            if out.tools.insert(name.to_lowercase(), Ok(tool)).is_some() {
-                return Err(bad(&place, TWICE.into()));
+        for (is_tool, what, all) in [(false, "frames", &raw.frames), (true, "tools", &raw.tools)] {
+            for (name, f) in all {
+                let bad = |problem| bad(&format!("[{what}.{name}]"), problem);
+                let frame = f.frame(is_tool).map_err(bad)?;
+                if out.of_mut(is_tool).insert(name.to_lowercase(), Ok(frame)).is_some() {
+                    return Err(bad(TWICE.into()));
+                }
             }
         }
         Ok(out)
@@ -209,11 +220,10 @@ impl Frames {
 
     /// These, and those of `other` that these do not have.
     pub fn or(&mut self, other: &Self) {
-        for (name, tool) in &other.tools {
-            self.tools.entry(name.clone()).or_insert_with(|| tool.clone());
-        }
-        for (name, frame) in &other.frames {
-            self.frames.entry(name.clone()).or_insert_with(|| frame.clone());
+        for is_tool in [true, false] {
+            for (name, frame) in other.of(is_tool) {
+                self.of_mut(is_tool).entry(name.clone()).or_insert_with(|| frame.clone());
+            }
         }
         self.world = self.world.or(other.world);
     }

@@ -58,7 +58,7 @@ pub mod text;
 pub use dialects::{Dialect, MARK};
 pub use error::ProgramError;
 pub use file::{Job, declared_frames, left, load_frames};
-pub use frames::{Frames, ToolFrame};
+pub use frames::{Frame, Frames};
 pub use options::{Options, Spelling};
 pub use report::{Problem, Report, TargetRow};
 pub use rewriting::{Program, compensate};

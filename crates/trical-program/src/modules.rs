@@ -4,12 +4,10 @@ use std::cell::{OnceCell, RefCell};
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-use trical_model::Pose;
-
 use crate::dialects::rapid::{self, Effects, Exports};
 use crate::dialects::{Dialect, MARK};
 use crate::elsewhere::{Elsewhere, Goes, Motion, Outside};
-use crate::frames::{Frames, ToolFrame};
+use crate::frames::{Frame, Frames};
 use crate::options::Spelling;
 use crate::report::listed;
 use crate::scan::hashed;
@@ -174,14 +172,9 @@ impl Elsewhere for Modules<'_> {
         }
     }
 
-    fn tool(&self, name: &str) -> Option<Result<ToolFrame, String>> {
-        let given = self.given.tools.get(name).cloned();
-        given.or_else(|| the_same(self.every(|m| m.frames.tools.get(name).cloned()), name, self.spelling))
-    }
-
-    fn frame(&self, name: &str) -> Option<Result<Pose, String>> {
-        let given = self.given.frames.get(name).cloned();
-        given.or_else(|| the_same(self.every(|m| m.frames.frames.get(name).cloned()), name, self.spelling))
+    fn frame(&self, is_tool: bool, name: &str) -> Option<Result<Frame, String>> {
+        let given = self.given.of(is_tool).get(name).cloned();
+        given.or_else(|| the_same(self.every(|m| m.frames.of(is_tool).get(name).cloned()), name, self.spelling))
     }
 
     fn wanted(&self) -> Vec<u64> {
@@ -207,11 +200,7 @@ impl Elsewhere for Modules<'_> {
 }
 
 /// What several modules say alike.
-fn the_same<T: PartialEq>(
-    mut all: Vec<Result<T, String>>,
-    name: &str,
-    spelling: Spelling,
-) -> Option<Result<T, String>> {
+fn the_same(mut all: Vec<Result<Frame, String>>, name: &str, spelling: Spelling) -> Option<Result<Frame, String>> {
     let last = all.pop()?;
     if all.iter().any(|one| *one != last) {
         let what = format!(

@@ -15,10 +15,10 @@ use crate::compensation::{Compensator, Done, MOST_RELATIVE, Shifted, Start, by_m
 use crate::dialects::{Dialect, MARK, poses_csv};
 use crate::elsewhere::{Elsewhere, Nowhere};
 use crate::error::ProgramError;
-use crate::frames::{AT, Frames, ToolFrame, find};
+use crate::frames::{AT, Frames, find};
 use crate::options::{Options, Spelling};
 use crate::report::{Report, Tally};
-use crate::scan::{Scan, Setup, Spot, Visit};
+use crate::scan::{Scan, Spot, Visit};
 use crate::text::contains;
 
 /// Targets that one thread takes at a time.
@@ -131,9 +131,9 @@ fn check_text(bytes: &[u8]) -> Result<(), String> {
 /// Tools and frames of the program's setups that only other files declare, and products of frames.
 fn find_elsewhere(known: &mut Frames, scan: &Scan, elsewhere: &dyn Elsewhere) {
     for setup in &scan.setups {
-        let Setup { tool, frame } = setup;
-        find(&mut known.tools, tool.as_ref(), &|name| elsewhere.tool(name), ToolFrame::compose);
-        find(&mut known.frames, frame.as_ref(), &|name| elsewhere.frame(name), Pose::compose);
+        for is_tool in [true, false] {
+            find(known.of_mut(is_tool), setup.of(is_tool), &|name| elsewhere.frame(is_tool, name));
+        }
     }
 }
 
@@ -279,7 +279,7 @@ fn by_gravity(term: &Term) -> bool {
 fn weightless(scan: &Scan, known: &Frames, nominal: &Model, spelling: Spelling) -> Option<String> {
     let is_weightless = |name: &&String| {
         let tool = known.tools.get(name.as_str()).and_then(|t| t.as_ref().ok());
-        tool.is_some_and(|t| t.mass < LIGHTEST && !t.is_of(&nominal.cell) && t.flange_from_tool != Pose::identity())
+        tool.is_some_and(|t| t.mass < LIGHTEST && !t.is_of(&nominal.cell) && t.parent_from_frame != Pose::identity())
     };
     let names: BTreeSet<&String> = scan.setups.iter().filter_map(|s| s.tool.as_ref()).filter(is_weightless).collect();
     // what the program gives without a name, a file of frames cannot name either: "set_tcp(0, 0, 100 mm) first at byte 7"

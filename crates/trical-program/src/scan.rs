@@ -59,6 +59,12 @@ pub struct Setup {
 
 impl Setup {
     /// The tool, or the frame.
+    #[must_use]
+    pub fn of(&self, is_tool: bool) -> Option<&String> {
+        if is_tool { self.tool.as_ref() } else { self.frame.as_ref() }
+    }
+
+    /// As [`Self::of`], to set it.
     pub fn slot(&mut self, is_tool: bool) -> &mut Option<String> {
         if is_tool { &mut self.tool } else { &mut self.frame }
     }

@@ -8,7 +8,7 @@ use trical_model::{
 
 use crate::branch::Branches;
 use crate::error::ProgramError;
-use crate::frames::{Frames, ToolFrame};
+use crate::frames::{Frame, Frames};
 use crate::literal::{MOST, Meant};
 use crate::options::Options;
 use crate::scan::{External, Scan, Setup, Spot};
@@ -155,11 +155,10 @@ impl<'a> Compensator<'a> {
     /// Makes the places of all setups, and the arms with their tools.
     fn take_setups(&mut self, nominal: &Model, model: &Model, frames: &Frames) -> trical_model::Result<()> {
         let world_from_controller = nominal.cell.world_from_base.compose(&frames.world.unwrap_or_else(Pose::identity));
-        let mut tools: Vec<Option<ToolFrame>> = Vec::new();
+        let mut tools: Vec<Option<Frame>> = Vec::new();
         for setup in self.scan.setups.iter().chain(std::iter::once(&Setup::default())) {
-            let frame = known_frame(setup, frames, self.options);
-            let known = known_tool(setup, frames, self.options).and_then(|tool| Ok((tool, frame?)));
-            let (tool, frame) = match known {
+            let known = |is_tool| known(is_tool, setup, frames, self.options);
+            let (tool, frame) = match known(true).and_then(|tool| Ok((tool, known(false)?))) {
                 Ok((tool, frame)) => (tool.filter(|t| !t.is_of(&nominal.cell)), frame),
                 Err(e) => {
                     self.places.push(Err(e));
@@ -177,6 +176,7 @@ impl<'a> Compensator<'a> {
                     tools.len() - 1
                 }
             };
+            let frame = frame.map_or_else(Pose::identity, |f| f.parent_from_frame);
             self.places.push(Ok(Place { arm, world_from_frame: world_from_controller.compose(&frame) }));
         }
         Ok(())
@@ -292,7 +292,7 @@ impl<'a> Compensator<'a> {
 }
 
 /// A model with another tool: what was identified of the measuring device does not hold for it.
-fn with_tool(model: &Model, tool: Option<&ToolFrame>) -> Model {
+fn with_tool(model: &Model, tool: Option<&Frame>) -> Model {
     let mut out = model.clone();
     if let Some(tool) = tool {
         out.cell.tool = tool.tool();
@@ -301,26 +301,13 @@ fn with_tool(model: &Model, tool: Option<&ToolFrame>) -> Model {
     out
 }
 
-fn undeclared(what: &str, name: &str, options: &Options) -> String {
-    let frames = options.spelling.with("frames", "FILE");
-    format!("the {what} '{name}' is not declared in the program ({frames} gives tools and frames)")
-}
-
-/// `None` is the cell's tool.
-fn known_tool(setup: &Setup, frames: &Frames, options: &Options) -> Result<Option<ToolFrame>, String> {
-    let Some(name) = setup.tool.as_deref().or(options.tool.as_deref()) else { return Ok(None) };
-    match frames.tools.get(&name.to_lowercase()) {
-        Some(Ok(tool)) => Ok(Some(*tool)),
-        Some(Err(e)) => Err(e.clone()),
-        None => Err(undeclared("tool", name, options)),
-    }
-}
-
-fn known_frame(setup: &Setup, frames: &Frames, options: &Options) -> Result<Pose, String> {
-    let Some(name) = setup.frame.as_deref().or(options.frame.as_deref()) else { return Ok(Pose::identity()) };
-    match frames.frames.get(&name.to_lowercase()) {
-        Some(Ok(frame)) => Ok(*frame),
-        Some(Err(e)) => Err(e.clone()),
-        None => Err(undeclared("frame", name, options)),
-    }
+/// The tool or the frame of a setup; `None` is the cell's tool, and the controller's world.
+fn known(is_tool: bool, setup: &Setup, frames: &Frames, options: &Options) -> Result<Option<Frame>, String> {
+    let (what, asked) = if is_tool { ("tool", &options.tool) } else { ("frame", &options.frame) };
+    let Some(name) = setup.of(is_tool).or(asked.as_ref()) else { return Ok(None) };
+    let undeclared = || {
+        let frames = options.spelling.with("frames", "FILE");
+        Err(format!("the {what} '{name}' is not declared in the program ({frames} gives tools and frames)"))
+    };
+    frames.of(is_tool).get(&name.to_lowercase()).cloned().unwrap_or_else(undeclared).map(Some)
 }

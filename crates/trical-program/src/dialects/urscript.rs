@@ -17,7 +17,7 @@ use trical_model::{Joints, Pose};
 use crate::branch::Configuration;
 use crate::expression::Constants;
 use crate::flow::Flow;
-use crate::frames::{AT, ToolFrame, named};
+use crate::frames::{AT, Frame, named};
 use crate::literal::{Meant, Shape};
 use crate::names::{Names, Origin};
 use crate::scan::{Fork, Scan, Setup, Visit, hashed_as_written as hashed};
@@ -497,7 +497,7 @@ impl<'a> Reader<'a> {
             }
             Err(_) => format!("set_tcp{AT}{at}"),
         };
-        self.now.tool = Some(named(&mut self.scan.frames.tools, key, frame.map(ToolFrame::massless)));
+        self.now.tool = Some(named(&mut self.scan.frames.tools, key, frame.map(Frame::massless)));
     }
 
     /// The first argument of a motion, or the first two.

@@ -5,7 +5,7 @@ use trical_model::pose::{angles_zyx, quaternion_from_rotation, rotation_vector, 
 use trical_model::{
     Basis, Cell, Forward, Model, Motion, Parameter, Pose, Robot, Shape, Site, State, Term, Tool, Variable,
 };
-use trical_program::{Dialect, Frames, ToolFrame};
+use trical_program::{Dialect, Frame, Frames};
 
 pub const IRB: &str = include_str!("../../../../cells/irb120/robot.toml");
 pub const KR6: &str = include_str!("../../../../robots/kr6_r700.toml");
@@ -208,11 +208,11 @@ pub fn fanuc(model: &Model) -> (Vec<u8>, Frames) {
     }
     text.extend(b"P[5:\"home\"]{\r\n   GP1:\r\n\tUF : 0, UT : 2,\r\n\tJ1= 5.000 deg,\tJ2= 10.000 deg,\tJ3= -20.000 deg,\r\n\tJ4= 3.000 deg,\tJ5= -60.000 deg,\tJ6= 10.000 deg\r\n};\r\n/END\r\n");
     let mut frames = Frames::default();
-    let tool = |p: Pose| Ok(ToolFrame::massless(p));
-    frames.tools.insert("1".into(), tool(device()));
-    frames.tools.insert("2".into(), tool(gripper()));
+    let frame = |p: Pose| Ok(Frame::massless(p));
+    frames.tools.insert("1".into(), frame(device()));
+    frames.tools.insert("2".into(), frame(gripper()));
     // the table in the controller's world
-    frames.frames.insert("3".into(), Ok(lifted.inverse().compose(&table())));
+    frames.frames.insert("3".into(), frame(lifted.inverse().compose(&table())));
     (text, frames)
 }
 
@@ -258,8 +258,8 @@ pub fn csv(model: &Model) -> (Vec<u8>, Frames) {
         text.extend(b"# between\n\n");
     }
     let mut frames = Frames::default();
-    frames.tools.insert("grip".into(), Ok(ToolFrame::massless(gripper())));
-    frames.frames.insert("table".into(), Ok(table()));
+    frames.tools.insert("grip".into(), Ok(Frame::massless(gripper())));
+    frames.frames.insert("table".into(), Ok(Frame::massless(table())));
     (text, frames)
 }
 

@@ -6,6 +6,7 @@ use trical_model::pose::rotation_zyx;
 
 use super::{AXES, POSE, Reader};
 use crate::branch::Configuration;
+use crate::frames::Frame;
 use crate::literal::Shape;
 use crate::names::Origin;
 use crate::reaching::Part;
@@ -141,14 +142,14 @@ impl<'a> Reader<'a> {
         Some(spot)
     }
 
-    pub(super) fn frame(&self, found: &Aggregate<'_>) -> Result<Pose, String> {
+    pub(super) fn frame(&self, found: &Aggregate<'_>) -> Result<Frame, String> {
         let Some(spans) = found.all(&POSE) else {
             return Err("its frame is not given by six numbers X, Y, Z, A, B, C".into());
         };
         let v = spans.map(|s| self.scan.value(s, self.c.bytes).unwrap_or(f64::NAN));
-        Ok(Pose {
+        Ok(Frame::massless(Pose {
             rotation: rotation_zyx(v[3].to_radians(), v[4].to_radians(), v[5].to_radians()),
             translation: Vector3::new(v[0], v[1], v[2]) * 1e-3,
-        })
+        }))
     }
 }

@@ -5,7 +5,7 @@ use trical_model::Pose;
 
 use super::data::Aggregate;
 use super::{Reader, target_of};
-use crate::frames::{AT, Frames, Named, TIMES, ToolFrame, named};
+use crate::frames::{AT, Frame, Named, TIMES, named};
 use crate::scan::{Setup, changed_here, hashed};
 use crate::text::{Cursor, is_one_of, lower, mentions};
 
@@ -23,16 +23,16 @@ fn is_number(index: &str) -> bool {
 }
 
 /// Keeps a frame; one that the program sets twice is known only while it runs.
-fn declare<T: PartialEq>(known: &mut Named<T>, name: String, new: Result<T, String>) {
+fn declare(known: &mut Named, name: String, new: Result<Frame, String>) {
     let differs = known.get(&name).is_some_and(|before| *before != new);
     let several = || Err("is set to different frames at several places of the program".into());
     known.insert(name, if differs { several() } else { new });
 }
 
 /// Keeps a product of known frames under its name.
-fn product<T: Clone>(known: &mut Named<T>, parts: &str, name: String, by: fn(&T, &T) -> T) {
+fn product(known: &mut Named, parts: &str, name: String) {
     let parts = parts.split(TIMES).map(|part| known.get(part).and_then(|one| one.as_ref().ok()).cloned());
-    let whole = parts.reduce(|a, b| Some(by(&a?, &b?))).flatten();
+    let whole = parts.reduce(|a, b| Some(a?.compose(&b?))).flatten();
     known.extend(whole.map(|whole| (name, Ok(whole))));
 }
 
@@ -57,11 +57,8 @@ impl Reader<'_> {
             let found = self.aggregate();
             let frame = self.frame(&found);
             // the same numbers are the same tool or base wherever they stand
-            return if is_tool {
-                named(&mut self.scan.frames.tools, format!("$tool{AT}{at}"), frame.map(ToolFrame::massless))
-            } else {
-                named(&mut self.scan.frames.frames, format!("$base{AT}{at}"), frame)
-            };
+            let name = format!("{}{AT}{at}", if is_tool { "$tool" } else { "$base" });
+            return named(self.scan.frames.of_mut(is_tool), name, frame);
         }
         let word = self.c.word();
         if is_one_of(word, &[b"$NULLFRAME", b"$WORLD"]) {
@@ -105,15 +102,13 @@ impl Reader<'_> {
         let what = if is_tool { "$tool" } else { "$base" };
         let why = format!("is meant relative to {}, which nothing in the files read sets before", what.to_uppercase());
         let name = format!("{what} (not set)");
-        self.scan.frames.tools.insert(name.clone(), Err(why.clone()));
-        self.scan.frames.frames.insert(name.clone(), Err(why));
+        self.scan.frames.refuse(&name, &why);
         name
     }
 
     /// A tool or base that nobody knows before the program runs.
     pub(super) fn calculated(&mut self, name: String) -> String {
-        self.scan.frames.tools.insert(name.clone(), Err(calculated(&name)));
-        self.scan.frames.frames.insert(name.clone(), Err(calculated(&name)));
+        self.scan.frames.refuse(&name, &calculated(&name));
         name
     }
 
@@ -123,8 +118,7 @@ impl Reader<'_> {
             "the tool or base '{name}' is an argument of its routine, and which one the calls give is not followed"
         );
         let name = format!("{name} (an argument)");
-        self.scan.frames.tools.insert(name.clone(), Err(why.clone()));
-        self.scan.frames.frames.insert(name.clone(), Err(why));
+        self.scan.frames.refuse(&name, &why);
         name
     }
 
@@ -280,9 +274,9 @@ impl Reader<'_> {
 
     /// The frame that is assigned to this name, at the cursor: `{...}`, also several with the geometric operator between them. Frames that the
     /// program names among them may stand below or in other files: they are multiplied when all is read ([`Self::in_products`]).
-    fn given(&mut self, name: &str) -> Result<Pose, String> {
+    fn given(&mut self, name: &str) -> Result<Frame, String> {
         let start = self.c;
-        let mut product = Pose::identity();
+        let mut product = Frame::massless(Pose::identity());
         while self.c.peek() == b'{' {
             let found = self.aggregate();
             product = product.compose(&self.frame(&found)?);
@@ -329,18 +323,16 @@ impl Reader<'_> {
         names.sort_unstable();
         names.truncate(MOST_PRODUCTS);
         names.retain(|name| self.assigned_once(name));
-        let Frames { tools, frames, .. } = &mut self.scan.frames;
         // one may be of others that stand below
         for name in std::iter::repeat_n(&names, DEEPEST).flatten() {
-            let Some([tool, base]) = self.products.get(name) else { continue };
+            let Some(both) = self.products.get(name) else { continue };
             let number = |data: &str| name.strip_prefix(data).map(|n| n.trim_matches(['[', ']']).to_owned());
-            let [is_tool, is_base] = ["tool_data[", "base_data["].map(number);
-            let key = is_tool.clone().or(is_base.clone()).unwrap_or_else(|| name.clone());
-            if is_base.is_none() {
-                product(tools, tool, key.clone(), ToolFrame::compose);
-            }
-            if is_tool.is_none() {
-                product(frames, base, key, Pose::compose);
+            let numbers = ["tool_data[", "base_data["].map(number);
+            let key = numbers.iter().flatten().next().unwrap_or(name);
+            for (k, is_tool) in [true, false].into_iter().enumerate() {
+                if numbers[1 - k].is_none() {
+                    product(self.scan.frames.of_mut(is_tool), &both[k], key.clone());
+                }
             }
         }
     }
@@ -368,9 +360,10 @@ impl Reader<'_> {
     }
 
     /// Keeps a frame of the program under its name; it may be used as a tool too.
-    pub(super) fn declare(&mut self, name: &str, frame: Result<Pose, String>) {
-        declare(&mut self.scan.frames.tools, name.to_owned(), frame.clone().map(ToolFrame::massless));
-        declare(&mut self.scan.frames.frames, name.to_owned(), frame);
+    pub(super) fn declare(&mut self, name: &str, frame: Result<Frame, String>) {
+        for is_tool in [true, false] {
+            declare(self.scan.frames.of_mut(is_tool), name.to_owned(), frame.clone());
+        }
     }
 
     /// `TOOL_DATA[1]={...}`, from the brace on.
@@ -383,11 +376,7 @@ impl Reader<'_> {
         } else {
             frame
         };
-        if is_tool {
-            declare(&mut self.scan.frames.tools, number, frame.map(ToolFrame::massless));
-        } else {
-            declare(&mut self.scan.frames.frames, number, frame);
-        }
+        declare(self.scan.frames.of_mut(is_tool), number, frame);
     }
 
     /// Tool and base of motion data.

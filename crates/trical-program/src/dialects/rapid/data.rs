@@ -279,12 +279,8 @@ impl Reader<'_> {
             self.c.at += 1;
         }
         let truth: Vec<bool> = words.iter().map(|w| w == "true").collect();
-        if is_tool {
-            let tool = tool(&truth, &values, &name);
-            declare(&mut self.scan.frames.tools, name, tool);
-        } else {
-            let frame = work_object(&truth, &values, &name);
-            declare(&mut self.scan.frames.frames, name, frame);
-        }
+        let read = if is_tool { tool } else { work_object };
+        let frame = read(&truth, &values, &name);
+        declare(self.scan.frames.of_mut(is_tool), name, frame);
     }
 }

@@ -6,10 +6,11 @@ use nalgebra::Vector3;
 use trical_model::Pose;
 use trical_model::pose::rotation_from_quaternion;
 
-use crate::frames::{Named, ToolFrame};
+use crate::frames::{Frame, Frames, Named};
+use crate::scan::Setup;
 
 /// Keeps a tool or a work object; of one that has other numbers elsewhere under the same name nobody knows which hold.
-pub(super) fn declare<T: PartialEq>(known: &mut Named<T>, name: String, new: Result<T, String>) {
+pub(super) fn declare(known: &mut Named, name: String, new: Result<Frame, String>) {
     match known.entry(name) {
         Entry::Vacant(place) => drop(place.insert(new)),
         Entry::Occupied(mut place) => {
@@ -23,13 +24,9 @@ pub(super) fn declare<T: PartialEq>(known: &mut Named<T>, name: String, new: Res
 
 /// Takes over a tool or a work object that a motion of another module is meant with, if that module declares it;
 /// what is another one here gets a name of its own.
-pub(super) fn take_over<T: Clone + PartialEq>(
-    name: &mut Option<String>,
-    known: &mut Named<T>,
-    theirs: &Named<T>,
-    file: &str,
-) {
-    let Some(name) = name else { return };
+pub(super) fn take_over(is_tool: bool, setup: &mut Setup, known: &mut Frames, theirs: &Frames, file: &str) {
+    let (known, theirs) = (known.of_mut(is_tool), theirs.of(is_tool));
+    let Some(name) = setup.slot(is_tool) else { return };
     let Some(value) = theirs.get(name) else { return };
     if known.get(name).is_some_and(|own| own != value) {
         *name = format!("{name} of {file}");
@@ -49,7 +46,7 @@ fn pose(v: &[f64]) -> Result<Pose, &'static str> {
 ///
 /// # Errors
 /// In words: not of the right shape, or held still while the robot carries the work.
-pub(super) fn tool(truth: &[bool], v: &[f64], name: &str) -> Result<ToolFrame, String> {
+pub(super) fn tool(truth: &[bool], v: &[f64], name: &str) -> Result<Frame, String> {
     if v.len() < 11 || truth.len() != 1 {
         return Err(format!(
             "the tooldata '{name}' cannot be read; expected [TRUE,[[x,y,z],[q1,q2,q3,q4]],[mass,[x,y,z],...]]"
@@ -58,17 +55,17 @@ pub(super) fn tool(truth: &[bool], v: &[f64], name: &str) -> Result<ToolFrame, S
     if !truth[0] {
         return Err(format!("the tool '{name}' is stationary (robhold FALSE), which is not supported"));
     }
-    let flange_from_tool = pose(&v[..7]).map_err(|e| format!("the tooldata '{name}': expected {e}"))?;
+    let parent_from_frame = pose(&v[..7]).map_err(|e| format!("the tooldata '{name}': expected {e}"))?;
     // -1 means that nobody has said
     let mass = v[7].max(0.0);
-    Ok(ToolFrame { flange_from_tool, mass, cog: Vector3::new(v[8], v[9], v[10]) * 1e-3 })
+    Ok(Frame { parent_from_frame, mass, cog: Vector3::new(v[8], v[9], v[10]) * 1e-3 })
 }
 
 /// A work object in the controller's world, of the truth values and numbers of its `wobjdata`.
 ///
 /// # Errors
 /// In words: not of the right shape, or moved by a machine.
-pub(super) fn work_object(truth: &[bool], v: &[f64], name: &str) -> Result<Pose, String> {
+pub(super) fn work_object(truth: &[bool], v: &[f64], name: &str) -> Result<Frame, String> {
     let ([robhold, fixed, ..], 14) = (truth, v.len()) else {
         return Err(format!(
             "the wobjdata '{name}' cannot be read; expected [FALSE,TRUE,\"\",[[x,y,z],[q1,q2,q3,q4]],[[x,y,z],[q1,q2,q3,q4]]]"
@@ -83,5 +80,5 @@ pub(super) fn work_object(truth: &[bool], v: &[f64], name: &str) -> Result<Pose,
         ));
     }
     let part = |v: &[f64]| pose(v).map_err(|e| format!("the wobjdata '{name}': expected {e}"));
-    Ok(part(&v[..7])?.compose(&part(&v[7..])?))
+    Ok(Frame::massless(part(&v[..7])?.compose(&part(&v[7..])?)))
 }

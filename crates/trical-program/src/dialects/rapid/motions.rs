@@ -299,11 +299,7 @@ impl<'a> Reader<'a> {
     pub(super) fn not_known(&mut self, is_tool: bool, name: &str, why: &str) {
         let what = if is_tool { "tool" } else { "work object" };
         let why = format!("the {what} '{name}' {why}");
-        if is_tool {
-            self.scan.frames.tools.entry(name.to_owned()).or_insert(Err(why));
-        } else {
-            self.scan.frames.frames.entry(name.to_owned()).or_insert(Err(why));
-        }
+        self.scan.frames.of_mut(is_tool).entry(name.to_owned()).or_insert(Err(why));
     }
 
     /// A target that is written out; whether its list is whole.

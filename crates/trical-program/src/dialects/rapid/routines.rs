@@ -351,11 +351,9 @@ impl Reader<'_> {
 
     /// Whether a name is a tool, or a work object, of this module, of `theirs`, or of any other module.
     fn declares(&mut self, is_tool: bool, name: &str, theirs: Option<&Frames>) -> bool {
-        let has = |frames: &Frames| {
-            if is_tool { frames.tools.contains_key(name) } else { frames.frames.contains_key(name) }
-        };
+        let has = |frames: &Frames| frames.of(is_tool).contains_key(name);
         let elsewhere = self.elsewhere;
-        let ask = || if is_tool { elsewhere.tool(name).is_some() } else { elsewhere.frame(name).is_some() };
+        let ask = || elsewhere.frame(is_tool, name).is_some();
         has(&self.scan.frames)
             || theirs.is_some_and(has)
             || *self.asked.entry((is_tool, name.to_owned())).or_insert_with(ask)
@@ -371,9 +369,9 @@ impl Reader<'_> {
                 Some((routine, _)) if self.routines.contains_key(&hashed(routine.as_bytes())) => continue,
                 Some((routine, names)) => self.setup_among(routine, names, Some(motion.declared)),
             };
-            let known = &mut self.scan.frames;
-            take_over(&mut setup.tool, &mut known.tools, &motion.declared.tools, motion.file);
-            take_over(&mut setup.frame, &mut known.frames, &motion.declared.frames, motion.file);
+            for is_tool in [true, false] {
+                take_over(is_tool, &mut setup, &mut self.scan.frames, motion.declared, motion.file);
+            }
             all.push(self.scan.setup(setup));
         }
         all

@@ -1,12 +1,10 @@
 //! Places in functions: `get_inverse_kin`, `get_forward_kin`, `pose_trans`, `pose_add`, in motions and where they are
 //! assigned.
 
-use trical_model::Pose;
-
 use super::targets::{next_argument, skip_name};
 use super::{DEEPEST, FORWARD, HERE, KINEMATICS, Literal, Reader};
 use crate::branch::Configuration;
-use crate::frames::AT;
+use crate::frames::{AT, Frame};
 use crate::names::{Origin, Way};
 use crate::reaching::Part;
 use crate::scan::{Setup, Visit};
@@ -276,12 +274,12 @@ impl Reader<'_> {
         if let (false, Some(pose)) = (is_target, frame)
             && self.c.eat(b',')
         {
+            let frame = Ok(Frame::massless(pose));
             let own = if base.is_empty() { "p[...]".to_owned() } else { lower(base) };
             // set anew, it is another frame
-            let is_it = |f: &Result<Pose, String>| *f == Ok(pose);
-            let known = !base.is_empty() && self.scan.frames.frames.get(&own).is_none_or(is_it);
+            let known = !base.is_empty() && self.scan.frames.frames.get(&own).is_none_or(|f| *f == frame);
             let name = if known { own } else { format!("{own}{AT}{at}") };
-            self.scan.frames.frames.insert(name.clone(), Ok(pose));
+            self.scan.frames.frames.insert(name.clone(), frame);
             return Some(name);
         }
         self.c = start;

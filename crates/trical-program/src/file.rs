@@ -15,10 +15,11 @@ use crate::dialects::{Dialect, MARK, krl};
 use crate::elsewhere::{Elsewhere, Nowhere, Outside};
 use crate::error::ProgramError;
 use crate::flow::at_calls;
+use crate::folders::{entry, name_of, not_read, paths, read_small};
 use crate::frames::{AT, Frame, Frames, TIMES};
 use crate::modules::Modules;
 use crate::options::{Options, Spelling};
-use crate::report::{Report, listed, summarized};
+use crate::report::{Report, summarized};
 use crate::rewriting::{Part, Program, compensate};
 use crate::scan::{Setup, hashed};
 use crate::text::contains;
@@ -229,12 +230,7 @@ fn sources(program: &Path) -> impl Iterator<Item = PathBuf> {
         let is_one = extension.eq_ignore_ascii_case("src") || extension.eq_ignore_ascii_case("sub");
         is_one && *p != own && p.is_file()
     };
-    places(program).flat_map(move |place| {
-        let mut files: Vec<PathBuf> =
-            std::fs::read_dir(place).into_iter().flatten().flatten().map(|e| e.path()).filter(&is_source).collect();
-        files.sort_unstable();
-        files
-    })
+    places(program).flat_map(move |place| paths(&place, &is_source))
 }
 
 /// Takes over a tool or a frame that a caller sets and its file declares, under a name that says whose it is; what its file does not
@@ -255,9 +251,8 @@ fn take_with(is_tool: bool, setup: &mut Setup, theirs: &Frames, known: &mut Fram
     *name = Some(whose);
 }
 
-/// Files that are looked through for GLOBAL routines, at most, and bytes of each.
+/// Files that are looked through for GLOBAL routines, at most.
 const MOST_FILES: usize = 500;
-const LARGEST_FILE: u64 = 16 << 20;
 
 /// The GLOBAL routines of the controller's files, by their hashed names: the nearest of each; and files that are not read.
 fn globals(program: &Path) -> (HashMap<u64, PathBuf>, Vec<String>) {
@@ -268,23 +263,10 @@ fn globals(program: &Path) -> (HashMap<u64, PathBuf>, Vec<String>) {
             Some(bytes) => krl::globals(&bytes).into_iter().for_each(|name| {
                 found.entry(name).or_insert_with(|| path.clone());
             }),
-            None => unread.push(path.file_name().unwrap_or_default().to_string_lossy().into_owned()),
+            None => unread.push(name_of(&path)),
         }
     }
     (found, unread)
-}
-
-/// The bytes of a file that is not too large to be looked through.
-fn read_small(path: &Path) -> Option<Vec<u8>> {
-    path.metadata().is_ok_and(|m| m.len() <= LARGEST_FILE).then(|| std::fs::read(path).ok()).flatten()
-}
-
-/// What is called so in a folder, without regard to case.
-fn entry(folder: &Path, name: &str) -> Option<PathBuf> {
-    let exact = folder.join(name);
-    let is_it = |e: &std::fs::DirEntry| e.file_name().to_string_lossy().eq_ignore_ascii_case(name);
-    let other = || std::fs::read_dir(folder).ok()?.flatten().find(is_it).map(|e| e.path());
-    if exact.exists() { Some(exact) } else { other() }
 }
 
 /// The routines of a KRL controller that a program calls: `NAME.src`, with the .dat beside it.
@@ -360,7 +342,7 @@ impl<'a> Beside<'a> {
             let files = together(&path);
             let data = files.iter().filter(|file| **file != path).filter_map(|file| read_small(file)).flatten();
             let Ok(scan) = Dialect::Krl.scan_with(&data.chain(bytes).collect::<Vec<u8>>(), self) else { continue };
-            let file = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+            let file = name_of(&path).to_lowercase();
             let mut meant = |setup: &Setup| {
                 let mut setup = setup.clone();
                 for is_tool in [true, false] {
@@ -414,19 +396,8 @@ impl<'a> Beside<'a> {
             let own = together(&whole);
             let is_data =
                 |p: &PathBuf| p.extension().is_some_and(|e| e.eq_ignore_ascii_case("dat")) && !own.contains(p);
-            let files = |place: PathBuf| {
-                let mut files: Vec<PathBuf> = std::fs::read_dir(place)
-                    .into_iter()
-                    .flatten()
-                    .flatten()
-                    .map(|e| e.path())
-                    .filter(is_data)
-                    .collect();
-                files.sort_unstable();
-                files
-            };
             let mut found = Vec::new();
-            for path in places(&whole).flat_map(files).take(MOST_FILES) {
+            for path in places(&whole).flat_map(|place| paths(&place, is_data)).take(MOST_FILES) {
                 let Some(bytes) = read_small(&path) else { continue };
                 let global = krl::global_frames(&bytes);
                 let Some(mut frames) = (!global.is_empty()).then(|| load_frames(&path).ok()).flatten() else {
@@ -452,13 +423,7 @@ impl<'a> Beside<'a> {
     /// Files in which a routine was looked for and that were not read, in one sentence.
     fn unread(&self) -> Option<String> {
         let (_, unread) = self.global.get()?;
-        (!unread.is_empty()).then(|| {
-            format!(
-                "not read beside the program (larger than {} MiB, beyond the first {MOST_FILES} files, or not readable): {}; their GLOBAL routines are not known",
-                LARGEST_FILE >> 20,
-                listed(unread.iter().cloned())
-            )
-        })
+        not_read(unread, &format!("{MOST_FILES} files"), "their GLOBAL routines are not known")
     }
 
     /// The file that has this routine as a GLOBAL one, whatever the file's own name is.

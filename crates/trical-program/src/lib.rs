@@ -33,7 +33,7 @@
 //! | [`branch`] | configurations |
 //! | [`compensation`] | targets to targets |
 //! | [`rewriting`] | a program in memory, with a [`report`] |
-//! | [`file`] | the same from file to file |
+//! | [`file`], `folders` | the same from file to file; the files beside a program |
 
 pub mod branch;
 pub mod compensation;
@@ -43,6 +43,7 @@ pub mod error;
 pub mod expression;
 pub mod file;
 pub mod flow;
+mod folders;
 pub mod frames;
 pub mod literal;
 pub mod modules;

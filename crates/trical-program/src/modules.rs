@@ -7,15 +7,14 @@ use std::path::{Path, PathBuf};
 use crate::dialects::rapid::{self, Effects, Exports};
 use crate::dialects::{Dialect, MARK};
 use crate::elsewhere::{Elsewhere, Goes, Motion, Outside};
+use crate::folders::{name_of, not_read, paths, read_small};
 use crate::frames::{Frame, Frames};
 use crate::options::Spelling;
-use crate::report::listed;
 use crate::scan::hashed;
 use crate::text::contains;
 
-/// Modules that are read, at most, and bytes of each.
+/// Modules that are read, at most.
 const MOST: usize = 300;
-const LARGEST: u64 = 16 << 20;
 
 /// Modules in the folder of a program; of a backup, also those of `PROGMOD` and `SYSMOD` of the same task.
 pub struct Modules<'a> {
@@ -57,14 +56,8 @@ impl<'a> Modules<'a> {
     #[must_use]
     pub fn unread(&self) -> Option<String> {
         let (_, unread) = self.read.get()?;
-        (!unread.is_empty()).then(|| {
-            format!(
-                "not read beside the program (larger than {} MiB, beyond the first {MOST} modules, or not readable): {}; their tools, work objects and routines \
-                 are not known, nor to which targets of this program they move",
-                LARGEST >> 20,
-                listed(unread.iter().cloned())
-            )
-        })
+        let so = "their tools, work objects and routines are not known, nor to which targets of this program they move";
+        not_read(unread, &format!("{MOST} modules"), so)
     }
 
     fn all(&self) -> &[Module] {
@@ -221,21 +214,16 @@ fn modules_of(program: &Path) -> (Vec<Module>, Vec<String>) {
     let is_part =
         |p: &Path| p.file_name().is_some_and(|n| n.eq_ignore_ascii_case("PROGMOD") || n.eq_ignore_ascii_case("SYSMOD"));
     if let Some(task) = folder.parent().filter(|_| is_part(folder)) {
-        let beside = std::fs::read_dir(task).into_iter().flatten().flatten().map(|e| e.path());
-        folders.extend(beside.filter(|p| is_part(p) && p != folder));
+        folders.extend(paths(task, |p| is_part(p) && p != folder));
     }
-    let mut paths: Vec<PathBuf> = folders
-        .iter()
-        .flat_map(|folder| std::fs::read_dir(folder).into_iter().flatten().flatten())
-        .map(|e| e.path())
-        .filter(|p| Dialect::of(p) == Some(Dialect::Rapid) && p.canonicalize().is_ok_and(|p| p != whole))
-        .filter(|p| p.metadata().is_ok_and(|m| m.is_file()))
-        .collect();
-    paths.sort_unstable();
-    for (number, path) in paths.into_iter().enumerate() {
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let is_small = number < MOST && path.metadata().is_ok_and(|m| m.len() <= LARGEST);
-        let Some(bytes) = is_small.then(|| std::fs::read(&path).ok()).flatten() else {
+    let is_module = |p: &PathBuf| {
+        Dialect::of(p) == Some(Dialect::Rapid) && p.canonicalize().is_ok_and(|p| p != whole) && p.is_file()
+    };
+    let mut files: Vec<PathBuf> = folders.iter().flat_map(|folder| paths(folder, is_module)).collect();
+    files.sort_unstable();
+    for (number, path) in files.into_iter().enumerate() {
+        let name = name_of(&path);
+        let Some(bytes) = (number < MOST).then(|| read_small(&path)).flatten() else {
             unread.push(name);
             continue;
         };

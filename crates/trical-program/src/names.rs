@@ -10,7 +10,7 @@ use std::collections::{BTreeSet, HashMap, HashSet};
 use nalgebra::Vector3;
 
 use crate::reaching::{Definition, Part};
-use crate::scan::{Fork, OWN_SETUP, Scan, Visit, hashed_as_written};
+use crate::scan::{Fork, OWN_SETUP, Scan, Visit, hashed_as_written, reached};
 
 /// How a motion names its place.
 #[derive(Clone, Copy, Debug)]
@@ -244,12 +244,8 @@ impl Names {
 
     /// Names that are set where the text does not say when: a motion may meet any of their definitions.
     fn set_at_any_time(&self) -> HashSet<u64> {
-        let (mut routines, mut next) = (HashSet::new(), self.any_time.iter().copied().collect::<Vec<_>>());
-        while let Some(name) = next.pop() {
-            if routines.insert(name) {
-                next.extend(self.routines.get(&name).into_iter().flat_map(|own| &own.calls));
-            }
-        }
+        let called = |name| self.routines.get(&name).into_iter().flat_map(|own| own.calls.iter().copied());
+        let routines = reached(self.any_time.iter().copied(), called);
         let is_there = |d: &&Definition| d.within.is_some_and(|within| routines.contains(&within));
         let there = self.groups.iter().map(|g| &g.definition).filter(is_there).map(|d| d.name);
         self.set_in_handlers.iter().copied().chain(there).collect()
@@ -461,14 +457,8 @@ impl Names {
         for (name, own) in &self.routines {
             own.calls.iter().for_each(|called| callers.entry(*called).or_default().push(*name));
         }
-        let mut next: Vec<u64> = self.routines.iter().filter(|(_, own)| own.moves).map(|(name, _)| *name).collect();
-        let mut moving = HashSet::new();
-        while let Some(name) = next.pop() {
-            if moving.insert(name) {
-                next.extend(callers.get(&name).into_iter().flatten());
-            }
-        }
-        moving
+        let moving = self.routines.iter().filter(|(_, own)| own.moves).map(|(name, _)| *name);
+        reached(moving, |name| callers.get(&name).into_iter().flatten().copied())
     }
 
     /// All definitions of a name, the newest first.

@@ -384,6 +384,21 @@ pub fn changed_here(what: &str) -> String {
     format!("{what} is changed here while the program runs; its targets are corrected for where it is declared")
 }
 
+/// All names to which steps lead from these, themselves among them.
+#[must_use]
+pub fn reached<I: IntoIterator<Item = u64>>(
+    from: impl IntoIterator<Item = u64>,
+    step: impl Fn(u64) -> I,
+) -> HashSet<u64> {
+    let (mut found, mut next) = (HashSet::new(), from.into_iter().collect::<Vec<_>>());
+    while let Some(name) = next.pop() {
+        if found.insert(name) {
+            next.extend(step(name));
+        }
+    }
+    found
+}
+
 /// As [`hashed`], in a language that tells `WP` from `wp`.
 #[must_use]
 pub fn hashed_as_written(name: &[u8]) -> u64 {

@@ -129,6 +129,12 @@ impl<'a> Cursor<'a> {
         Self { bytes, at: if bytes.starts_with(UTF8) { UTF8.len() } else { 0 }, comment }
     }
 
+    /// As [`Self::new`], at this place.
+    #[must_use]
+    pub fn at(bytes: &'a [u8], at: usize, comment: u8) -> Self {
+        Self { bytes, at, comment }
+    }
+
     /// The next byte, 0 at the end.
     #[must_use]
     pub fn peek(&self) -> u8 {

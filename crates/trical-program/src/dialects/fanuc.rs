@@ -54,8 +54,7 @@ pub fn scan(bytes: &[u8]) -> Scan {
     let main = section(bytes, b"/MN").map_or(0, |m| m.min(positions));
     let active = [active(&bytes[main..positions], "UTOOL_NUM"), active(&bytes[main..positions], "UFRAME_NUM")];
     // nothing begins a comment in /POS
-    let mut c = Cursor::new(bytes, 0);
-    c.at = positions;
+    let mut c = Cursor::at(bytes, positions, 0);
     let (mut all, mut unread) = (Vec::new(), Vec::new());
     while !c.done() {
         c.skip_space();
@@ -89,8 +88,7 @@ pub fn scan(bytes: &[u8]) -> Scan {
 fn tracks_line(bytes: &[u8], end: usize) -> Option<usize> {
     let name = b"LINE_TRACK_SCHEDULE_NUMBER";
     let at = bytes[..end].windows(name.len()).position(|w| w.eq_ignore_ascii_case(name))?;
-    let mut c = Cursor::new(bytes, 0);
-    c.at = at + name.len();
+    let mut c = Cursor::at(bytes, at + name.len(), 0);
     c.skip_blank();
     (c.eat_in_line(b':') && c.number()?.value(bytes)? != 0.0).then_some(at)
 }
@@ -267,8 +265,7 @@ fn position(
 
 /// The turn numbers in `'N U T, 0, 0, 0'`, which stands from `at` to the cursor.
 fn turns(c: &Cursor<'_>, at: usize) -> Option<[(Span, i16); 3]> {
-    let mut inside = Cursor::new(c.bytes.get(..c.at)?, 0);
-    inside.at = at;
+    let mut inside = Cursor::at(c.bytes.get(..c.at)?, at, 0);
     let mut next = || {
         inside.skip_to(b",");
         let number = inside.eat_in_line(b',').then(|| inside.number())??;
@@ -565,17 +562,11 @@ fn set_register(
         // a shift against itself goes with it
         Some((_, true, other)) if *other == digits => Origin::Name { name, at },
         _ if is_element => Origin::Computed(at),
-        Some((_, true, other)) => {
+        Some((_, is_register, other)) if *is_register || !other.is_empty() => {
             if from.len() == 1 {
                 names.copied(at as usize);
             }
-            Origin::Name { name: register(other), at }
-        }
-        Some((_, false, other)) if !other.is_empty() => {
-            if from.len() == 1 {
-                names.copied(at as usize);
-            }
-            Origin::Name { name: hashed(other), at }
+            Origin::Name { name: if *is_register { register(other) } else { hashed(other) }, at }
         }
         _ if has(source, b"LPOS") || has(source, b"JPOS") => Origin::Here,
         _ => Origin::Computed(at),

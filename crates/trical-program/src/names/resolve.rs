@@ -77,11 +77,7 @@ impl Names {
                     scan.visits.extend(moves.then_some(Visit::Fork(Fork::Anywhere)));
                 }
                 Use::Named { name, setup, way, at } => {
-                    let problem = || {
-                        let mut c = Cursor::new(bytes, 0);
-                        c.at = at as usize;
-                        elsewhere(c.word())
-                    };
+                    let problem = || elsewhere(Cursor::at(bytes, at as usize, 0).word());
                     let itself = || vec![Meant { name, setup, is_shifted: false }];
                     let all = self.meant.get(&(name, setup)).cloned().unwrap_or_else(itself);
                     let are_several = all.len() > 1;

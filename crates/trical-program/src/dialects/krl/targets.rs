@@ -3,7 +3,7 @@
 use std::collections::{BTreeSet, HashMap, HashSet};
 
 use super::{CURRENT, ELEMENTS, MOTIONS, TYPES, is_system};
-use crate::scan::hashed;
+use crate::scan::{hashed, reached};
 use crate::scopes::Scopes;
 use crate::text::{Cursor, is_one_of};
 
@@ -80,10 +80,7 @@ pub(super) fn targets(bytes: &[u8], scopes: &Scopes) -> Named {
     }
     moved_to.extend(places);
     // what is given to a target is one itself
-    let mut next: Vec<u64> = moved_to.iter().copied().collect();
-    while let Some(parameter) = next.pop() {
-        next.extend(given.remove(&parameter).into_iter().flatten().filter(|name| moved_to.insert(*name)));
-    }
+    let moved_to = reached(moved_to, |parameter| given.get(&parameter).into_iter().flatten().copied());
     no_targets.extend(&frames);
     no_targets.extend(read_in_part(bytes, scopes));
     Named { moved_to, frames, no_targets }

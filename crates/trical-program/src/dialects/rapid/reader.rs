@@ -262,8 +262,7 @@ pub(super) fn scoped(name: &[u8], routine: &[u8]) -> u64 {
 
 /// The parameters of a routine that are targets, tools and work objects, from behind its bracket on.
 fn parameters(bytes: &[u8], at: usize, routine: &[u8]) -> Vec<Parameter> {
-    let mut c = Cursor::new(bytes, b'!');
-    c.at = at;
+    let mut c = Cursor::at(bytes, at, b'!');
     let mut found = Vec::new();
     let (mut places, mut place, mut is_other) = (0.., None, false);
     loop {

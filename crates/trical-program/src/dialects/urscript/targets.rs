@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use super::{KINEMATICS, has_two, is_motion};
 use crate::expression::Constants;
-use crate::scan::hashed_as_written as hashed;
+use crate::scan::{hashed_as_written as hashed, reached};
 use crate::scopes::Scopes;
 use crate::text::Cursor;
 
@@ -219,11 +219,7 @@ pub(super) fn targets(bytes: &[u8], scopes: &Scopes) -> (HashSet<u64>, HashMap<u
         c = start;
     }
     // what is copied or given to a target is one itself
-    let mut next: Vec<u64> = all.iter().copied().collect();
-    while let Some(copy) = next.pop() {
-        next.extend(copies.remove(&copy).into_iter().flatten().filter(|source| all.insert(*source)));
-    }
-    (all, in_frames)
+    (reached(all, |copy| copies.get(&copy).into_iter().flatten().copied()), in_frames)
 }
 
 /// Names that are assigned several times, not all of them along one function outside of its branches and loops, or used

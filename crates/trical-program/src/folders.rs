@@ -1,0 +1,45 @@
+//! The files beside a program: which there are, and the bytes of those that are small.
+
+use std::path::{Path, PathBuf};
+
+use crate::report::listed;
+
+/// Larger files are not looked through, bytes.
+const LARGEST: u64 = 16 << 20;
+
+/// What is in a folder and wanted, in the order of the names.
+pub(crate) fn paths(folder: &Path, is_wanted: impl Fn(&PathBuf) -> bool) -> Vec<PathBuf> {
+    let all = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path());
+    let mut paths: Vec<PathBuf> = all.filter(is_wanted).collect();
+    paths.sort_unstable();
+    paths
+}
+
+/// What is called so in a folder, without regard to case.
+pub(crate) fn entry(folder: &Path, name: &str) -> Option<PathBuf> {
+    let exact = folder.join(name);
+    let is_it = |e: &std::fs::DirEntry| e.file_name().to_string_lossy().eq_ignore_ascii_case(name);
+    let other = || std::fs::read_dir(folder).ok()?.flatten().find(is_it).map(|e| e.path());
+    if exact.exists() { Some(exact) } else { other() }
+}
+
+/// The bytes of a file that is not too large to be looked through.
+pub(crate) fn read_small(path: &Path) -> Option<Vec<u8>> {
+    path.metadata().is_ok_and(|m| m.len() <= LARGEST).then(|| std::fs::read(path).ok()).flatten()
+}
+
+/// The name of a file without its folder.
+pub(crate) fn name_of(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// Files beside a program that were not read, beyond the `first` ("500 files") or for another reason, and what follows from that; in one sentence.
+pub(crate) fn not_read(files: &[String], first: &str, so: &str) -> Option<String> {
+    (!files.is_empty()).then(|| {
+        format!(
+            "not read beside the program (larger than {} MiB, beyond the first {first}, or not readable): {}; {so}",
+            LARGEST >> 20,
+            listed(files.iter().cloned())
+        )
+    })
+}

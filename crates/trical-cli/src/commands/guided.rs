@@ -11,8 +11,8 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use trical_device::controller::{moved, wait_settled};
-use trical_device::gauge::trial::{bare_url, check_on_calibrator, master};
-use trical_device::gauge::with_zero;
+use trical_device::gauge::trial::{check_on_calibrator, master};
+use trical_device::gauge::{bare_url, with_zero};
 use trical_device::procedure::{MoveGuard, stride};
 use trical_device::session::{Settings, now_ns};
 use trical_device::{PlanEntry, Session, visits};

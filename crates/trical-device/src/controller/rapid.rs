@@ -1,6 +1,6 @@
 //! Client of the RAPID dialect, over TCP or any other byte stream.
 
-use std::io::{self, Read, Write};
+use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
@@ -11,6 +11,7 @@ use super::rapid_protocol::{self as protocol, Reply, code};
 use super::{
     Controller, ControllerError, JointSettle, LOOK_FOR_STOP, Motion, STOP_TIMEOUT, StopCount, Stops, connected,
 };
+use crate::gauge::port::is_not_yet;
 use crate::gauge::shorten;
 use crate::url::Secret;
 use trical_recording::motion::JointSample;
@@ -295,11 +296,7 @@ impl<S: Read + Write + Send> RapidClient<S> {
             match self.stream.read(&mut bytes) {
                 Ok(0) => return Err(self.lost("closed at its other end".to_owned())),
                 Ok(count) => self.buffer.extend_from_slice(bytes.get(..count).unwrap_or_default()),
-                Err(error)
-                    if matches!(
-                        error.kind(),
-                        io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted
-                    ) => {}
+                Err(error) if is_not_yet(&error) => {}
                 Err(error) => return Err(self.lost(error.to_string())),
             }
         }

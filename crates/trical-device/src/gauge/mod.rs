@@ -16,7 +16,7 @@ use thiserror::Error;
 use crate::url::UrlError;
 
 pub use line::{LINE_GAUGES, LineGauge, LineKind, LineSettings};
-pub use open::{open_gauge, with_zero};
+pub use open::{bare_url, open_gauge, with_zero};
 pub use port::{Port, PortInfo, SerialSettings, list_ports, open_serial};
 pub use uwave::{UWave, UWaveSettings};
 

@@ -37,12 +37,17 @@ pub fn open_gauge(url: &str) -> Result<Box<dyn Gauge>, GaugeError> {
 /// The URL of the same gauge with another reading on the calibrator, m.
 #[must_use]
 pub fn with_zero(url: &str, zero: [f64; 3]) -> String {
-    let (place, query) = url.split_once('?').unwrap_or((url, ""));
-    let mut parts: Vec<String> =
-        query.split('&').filter(|p| !p.is_empty() && !p.starts_with("zero_mm=")).map(str::to_owned).collect();
+    let bare = bare_url(url);
     let [x, y, z] = zero.map(|v| v * 1e3);
-    parts.push(format!("zero_mm={x:.4},{y:.4},{z:.4}"));
-    format!("{place}?{}", parts.join("&"))
+    format!("{bare}{}zero_mm={x:.4},{y:.4},{z:.4}", if bare.contains('?') { '&' } else { '?' })
+}
+
+/// The URL without a mastering.
+#[must_use]
+pub fn bare_url(url: &str) -> String {
+    let (place, query) = url.split_once('?').unwrap_or((url, ""));
+    let parts: Vec<&str> = query.split('&').filter(|p| !p.is_empty() && !p.starts_with("zero_mm=")).collect();
+    if parts.is_empty() { place.to_owned() } else { format!("{place}?{}", parts.join("&")) }
 }
 
 fn zero(url: &mut DeviceUrl) -> Result<Option<[f64; 3]>, UrlError> {

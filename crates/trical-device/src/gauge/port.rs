@@ -145,6 +145,11 @@ fn known_port(port: &serialport::SerialPortInfo) -> PortInfo {
     PortInfo { path, device, url }
 }
 
+/// Whether a read says only that nothing has come so far.
+pub(crate) fn is_not_yet(error: &io::Error) -> bool {
+    matches!(error.kind(), io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted)
+}
+
 /// Splits what a port sends into records that end with CR or LF.
 #[derive(Debug, Default)]
 pub(crate) struct Lines {
@@ -190,14 +195,7 @@ impl Lines {
                 self.buffer.extend_from_slice(bytes.get(..count).unwrap_or_default());
                 Ok(true)
             }
-            Err(error)
-                if matches!(
-                    error.kind(),
-                    io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted
-                ) =>
-            {
-                Ok(false)
-            }
+            Err(error) if is_not_yet(&error) => Ok(false),
             Err(error) => Err(error),
         }
     }

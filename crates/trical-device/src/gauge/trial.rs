@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use thiserror::Error;
 
-use super::{AXES, Gauge, GaugeError, open_gauge, settled_reading, with_zero};
+use super::{AXES, Gauge, GaugeError, bare_url, open_gauge, settled_reading, with_zero};
 
 /// A stem has been pushed when its axis moves by more than this, m.
 const ENOUGH: f64 = 0.5e-3;
@@ -168,14 +168,6 @@ pub fn check_on_calibrator(in_the_air: &[f64; 3], on_calibrator: &[f64; 3]) -> R
         }
     }
     Ok(())
-}
-
-/// The URL without a mastering.
-#[must_use]
-pub fn bare_url(url: &str) -> String {
-    let (place, query) = url.split_once('?').unwrap_or((url, ""));
-    let parts: Vec<&str> = query.split('&').filter(|p| !p.is_empty() && !p.starts_with("zero_mm=")).collect();
-    if parts.is_empty() { place.to_owned() } else { format!("{place}?{}", parts.join("&")) }
 }
 
 #[cfg(test)]

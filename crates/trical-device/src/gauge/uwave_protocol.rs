@@ -18,6 +18,9 @@ pub enum Unit {
     None,
 }
 
+/// How records say a unit.
+const UNITS: [(Unit, char); 3] = [(Unit::Millimetre, 'M'), (Unit::Inch, 'I'), (Unit::None, '0')];
+
 impl Unit {
     /// Metres per unit, where the unit is known.
     #[must_use]
@@ -55,39 +58,37 @@ pub enum Status {
     Unknown(u8),
 }
 
+/// Those that are known: number and words.
+const STATUSES: [(Status, u8, &str); 9] = [
+    (Status::BatteryLow, 0, "the transmitter's battery is low"),
+    (Status::InstrumentSilent, 1, "the indicator does not answer its transmitter; check its plug and that it is on"),
+    (Status::Unregistered, 2, "no transmitter is registered on this channel; check the channel numbers"),
+    (Status::DataLost, 3, "data were lost on the radio link; check distance and interference"),
+    (Status::Disconnected, 4, "the transmitter is disconnected; check its battery and distance"),
+    (Status::NoData, 5, "the receiver has no value of this channel yet; move the stem or press the data button once"),
+    (Status::BadRequest, 50, "the receiver refused the request as wrong"),
+    (Status::EndOfSearch, 51, "end of search"),
+    (Status::CancelledByOperator, 99, "the operator cancelled the reading at the transmitter"),
+];
+
 impl Status {
     /// The status with this number.
     #[must_use]
     pub fn from_code(code: u8) -> Self {
-        match code {
-            0 => Self::BatteryLow,
-            1 => Self::InstrumentSilent,
-            2 => Self::Unregistered,
-            3 => Self::DataLost,
-            4 => Self::Disconnected,
-            5 => Self::NoData,
-            50 => Self::BadRequest,
-            51 => Self::EndOfSearch,
-            99 => Self::CancelledByOperator,
-            other => Self::Unknown(other),
-        }
+        STATUSES.iter().find(|known| known.1 == code).map_or(Self::Unknown(code), |known| known.0)
+    }
+
+    /// Its number, and what it says.
+    fn told(self) -> (u8, &'static str) {
+        let unknown = if let Self::Unknown(code) = self { code } else { u8::MAX };
+        let known = STATUSES.iter().find(|known| known.0 == self);
+        known.map_or((unknown, "unknown status"), |(_, code, words)| (*code, words))
     }
 
     /// The number of the status.
     #[must_use]
     pub fn code(self) -> u8 {
-        match self {
-            Self::BatteryLow => 0,
-            Self::InstrumentSilent => 1,
-            Self::Unregistered => 2,
-            Self::DataLost => 3,
-            Self::Disconnected => 4,
-            Self::NoData => 5,
-            Self::BadRequest => 50,
-            Self::EndOfSearch => 51,
-            Self::CancelledByOperator => 99,
-            Self::Unknown(code) => code,
-        }
+        self.told().0
     }
 
     /// Whether asking again may help. A request is also refused when it came behind half of another one.
@@ -102,21 +103,8 @@ impl Status {
 
 impl fmt::Display for Status {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let says = match self {
-            Self::BatteryLow => "the transmitter's battery is low",
-            Self::InstrumentSilent => "the indicator does not answer its transmitter; check its plug and that it is on",
-            Self::Unregistered => "no transmitter is registered on this channel; check the channel numbers",
-            Self::DataLost => "data were lost on the radio link; check distance and interference",
-            Self::Disconnected => "the transmitter is disconnected; check its battery and distance",
-            Self::NoData => {
-                "the receiver has no value of this channel yet; move the stem or press the data button once"
-            }
-            Self::BadRequest => "the receiver refused the request as wrong",
-            Self::EndOfSearch => "end of search",
-            Self::CancelledByOperator => "the operator cancelled the reading at the transmitter",
-            Self::Unknown(_) => "unknown status",
-        };
-        write!(f, "{says} (status {:02})", self.code())
+        let (code, says) = self.told();
+        write!(f, "{says} (status {code:02})")
     }
 }
 
@@ -194,11 +182,7 @@ pub fn transmitter_request(channel: u8, group: u8) -> String {
 pub fn data_record(group: u8, channel: u8, value: f64, decimals: usize, unit: Unit) -> String {
     let sign = if value < 0.0 { '-' } else { '+' };
     let decimals = decimals.min(9);
-    let letter = match unit {
-        Unit::Millimetre => 'M',
-        Unit::Inch => 'I',
-        Unit::None => '0',
-    };
+    let letter = UNITS.iter().find(|known| known.0 == unit).map_or('0', |known| known.1);
     format!("DT1{group:02}{channel:02}{sign}{:011.decimals$}{letter}", value.abs())
 }
 
@@ -224,12 +208,7 @@ pub fn parse_record(line: &[u8]) -> Option<Record> {
                 "-" => -magnitude,
                 _ => return None,
             };
-            let unit = match body.get(16..)? {
-                "M" => Unit::Millimetre,
-                "I" => Unit::Inch,
-                "0" => Unit::None,
-                _ => return None,
-            };
+            let (unit, _) = *UNITS.iter().find(|known| body.get(16..) == Some(known.1.encode_utf8(&mut [0; 4])))?;
             Some(Record::Data { group, channel, value, unit })
         }
         "ST1" if text.len() == 19 => {
@@ -253,11 +232,7 @@ pub fn parse_record(line: &[u8]) -> Option<Record> {
             group: two_digits(body.get(3..5)?)?,
             id: body.get(5..15)?.to_owned(),
             band: body.get(15..17)?.to_owned(),
-            event_mode: match body.get(17..)? {
-                "0" => false,
-                "1" => true,
-                _ => return None,
-            },
+            event_mode: yes_or_no(body.get(17..)?)?,
         }),
         _ => None,
     }
@@ -298,20 +273,21 @@ pub fn parse_request(line: &[u8]) -> Option<Request> {
         "DR1" => Some(Request::Data {
             channel: two_digits_or_ff(body.get(0..2)?)?,
             group: two_digits(body.get(2..4)?)?,
-            clear: match body.get(4..5)? {
-                "0" => false,
-                "1" => true,
-                _ => return None,
-            },
+            clear: yes_or_no(body.get(4..5)?)?,
         }),
         "IR1" => {
             let (channel, group) = (two_digits(body.get(1..3)?)?, two_digits(body.get(3..5)?)?);
-            match body.get(0..1)? {
-                "0" => Some(Request::Receiver { group }),
-                "1" => Some(Request::Transmitter { channel, group }),
-                _ => None,
-            }
+            let of_transmitter = yes_or_no(body.get(0..1)?)?;
+            Some(if of_transmitter { Request::Transmitter { channel, group } } else { Request::Receiver { group } })
         }
+        _ => None,
+    }
+}
+
+fn yes_or_no(text: &str) -> Option<bool> {
+    match text {
+        "0" => Some(false),
+        "1" => Some(true),
         _ => None,
     }
 }

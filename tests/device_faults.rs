@@ -12,14 +12,14 @@ use rand_pcg::Pcg64Mcg;
 use trical_device::gauge::uwave_protocol::Status;
 use trical_device::procedure::{Retreat, RetreatOutcome};
 use trical_device::session::Settings;
-use trical_device::virtual_cell::{Frame, Scheduled, When};
+use trical_device::virtual_cell::{Scheduled, When};
 use trical_device::{
     ArmPlant, CellOptions, Fault, PlanEntry, Plant, ProcedureError, ProcedureOptions, Progress, Session, VirtualCell,
     open_controller, open_gauge, run,
 };
 use trical_diagnose::truth::draw_truth;
 use trical_ident::{Dataset, JointSource, ParameterSet, identify};
-use trical_model::{Cell, Forward, Joints, Measured, Model, Recording, Robot, Row, State};
+use trical_model::{Cell, Forward, Joints, Measured, Model, Pose, Recording, Robot, Row, State};
 use trical_plan::{CollisionModel, MotionWorkspace, PlanOptions, plan_touches, write_plan};
 use trical_recording::mcap::Header;
 use trical_recording::{RecordingWriter, read_recording};
@@ -61,14 +61,14 @@ impl Plant for Watched {
         }
         self.arm.offset_to_ball(state, ball)
     }
-    fn tcp(&mut self, state: &State) -> Frame {
+    fn tcp(&mut self, state: &State) -> Pose {
         self.arm.tcp(state)
     }
-    fn nominal_tcp(&self, q: &Joints) -> Frame {
+    fn nominal_tcp(&self, q: &Joints) -> Pose {
         self.arm.nominal_tcp(q)
     }
-    fn nominal_inverse(&self, p: [f64; 3], r: [[f64; 3]; 3], seed: &Joints) -> Option<Joints> {
-        self.arm.nominal_inverse(p, r, seed)
+    fn nominal_inverse(&self, world_from_tool: &Pose, seed: &Joints) -> Option<Joints> {
+        self.arm.nominal_inverse(world_from_tool, seed)
     }
     fn temperature(&mut self, t: f64) -> Option<f64> {
         self.arm.temperature(t)

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::common::{BALLS, Bench, Gantry, bench, nominal, options, plan};
+use nalgebra::Vector3;
 use trical_device::controller::{JointSettle, StopCount};
 use trical_device::procedure::{Retreat, Violation, stride, visits};
 use trical_device::virtual_cell::Unsettled;
@@ -18,12 +19,9 @@ use trical_recording::motion::JointSample;
 /// How far a touch by a gantry with this backlash along x is from its ball, m.
 fn off(row: &Row, backlash: f64) -> [f64; 3] {
     let Measured::Touch { ball, reading } = row.measured else { panic!("no touch") };
-    let ((p, r), sense) = (nominal(&row.state.q), f64::from(row.state.dir.unwrap()[1]));
-    let error = Gantry::default().error;
-    std::array::from_fn(|i| {
-        let x = p[i] + error[i] + if i == 0 { backlash * sense } else { 0.0 };
-        (x + (0..3).map(|j| r[i][j] * reading[j]).sum::<f64>() - BALLS[ball][i]).abs()
-    })
+    let (tool, sense) = (nominal(&row.state.q), f64::from(row.state.dir.unwrap()[1]));
+    let error = Vector3::from(Gantry::default().error) + backlash * sense * Vector3::x();
+    (tool.apply(&Vector3::from(reading)) + error - Vector3::from(BALLS[ball])).abs().into()
 }
 
 #[test]
@@ -173,7 +171,7 @@ fn at_a_touch_the_true_tcp_is_the_reading_away_from_the_ball() {
     let mut last = [0.0; 3];
     let mut watch = |event| match event {
         // the last reading is the one that is recorded
-        Progress::Reading { .. } => last = cell.true_tcp().0,
+        Progress::Reading { .. } => last = cell.true_tcp().translation.into(),
         Progress::Measured { .. } => truth.push(last),
         _ => {}
     };

@@ -1,10 +1,10 @@
 //! What NumPy users call an array: float64 arrays as they are, everything else made one.
 
-use numpy::ndarray::{Array2, ArrayView1, ArrayView2, Ix1, Ix2};
-use numpy::{IntoPyArray, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::ndarray::{Array2, Ix2};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::IntoPyDict;
-use trical_model::{Joints, Robot, State};
+use trical_model::{Joints, Pose, Robot, State};
 
 use crate::errors::bad;
 
@@ -26,9 +26,9 @@ pub fn floats<'py>(value: &Bound<'py, PyAny>, name: &str) -> PyResult<PyReadonly
     array.extract().map_err(wrong)
 }
 
-fn finite<'py>(array: PyReadonlyArrayDyn<'py, f64>, name: &str) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
+fn check_finite(array: &PyReadonlyArrayDyn<'_, f64>, name: &str) -> PyResult<()> {
     match array.as_array().iter().all(|x| x.is_finite()) {
-        true => Ok(array),
+        true => Ok(()),
         false => Err(bad(format!("{name} holds a value that is not finite"))),
     }
 }
@@ -39,11 +39,16 @@ fn shape_of(array: &PyReadonlyArrayDyn<'_, f64>) -> String {
 }
 
 /// One row, or one for each of several.
-pub struct Table<'py>(PyReadonlyArrayDyn<'py, f64>);
+pub struct Table {
+    /// All rows.
+    pub rows: Array2<f64>,
+    /// Whether it is one row.
+    pub single: bool,
+}
 
-impl<'py> Table<'py> {
+impl Table {
     /// An array of shape (columns,) or (n, columns), all finite.
-    pub fn new(value: &Bound<'py, PyAny>, name: &str, columns: usize) -> PyResult<Self> {
+    pub fn new(value: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Self> {
         let array = floats(value, name)?;
         let shape = array.shape();
         let fits = matches!(shape.len(), 1 | 2) && shape.last() == Some(&columns);
@@ -51,72 +56,48 @@ impl<'py> Table<'py> {
             let shape = shape_of(&array);
             return Err(bad(format!("{name} has the shape {shape}, expected (n, {columns}) or ({columns},)")));
         }
-        finite(array, name).map(Self)
+        check_finite(&array, name)?;
+        let (view, single) = (array.as_array(), array.ndim() == 1);
+        let view = if single { view.insert_axis(numpy::ndarray::Axis(0)) } else { view };
+        let rows = view.into_dimensionality::<Ix2>().map_err(|e| bad(e.to_string()))?.to_owned();
+        Ok(Self { rows, single })
     }
 
-    /// Whether it is one row.
-    pub fn single(&self) -> bool {
-        self.0.ndim() == 1
-    }
-
-    /// All rows.
-    pub fn rows(&self) -> PyResult<ArrayView2<'_, f64>> {
-        let view = self.0.as_array();
-        let view = if self.single() { view.insert_axis(numpy::ndarray::Axis(0)) } else { view };
-        view.into_dimensionality::<Ix2>().map_err(|e| bad(e.to_string()))
+    /// Whether it has as many rows as these, or one for all of them.
+    pub fn goes_with(&self, rows: &Array2<f64>) -> bool {
+        self.single || self.rows.nrows() == rows.nrows()
     }
 }
 
 /// One number for all, or one for each.
-pub struct Column<'py>(PyReadonlyArrayDyn<'py, f64>);
+pub struct Column(Vec<f64>);
 
-impl<'py> Column<'py> {
+impl Column {
     /// A number or an array of shape (n,), all finite.
-    pub fn new(value: &Bound<'py, PyAny>, name: &str, n: usize) -> PyResult<Self> {
+    pub fn new(value: &Bound<'_, PyAny>, name: &str, n: usize) -> PyResult<Self> {
         let array = floats(value, name)?;
         if !(array.ndim() == 0 || array.shape() == [n]) {
             let shape = shape_of(&array);
             return Err(bad(format!("{name} has the shape {shape}, expected a number or the shape ({n},)")));
         }
-        finite(array, name).map(Self)
+        check_finite(&array, name)?;
+        Ok(Self(array.as_array().iter().copied().collect()))
     }
 
     /// The number of row k.
-    pub fn at(&self, k: usize) -> PyResult<f64> {
-        Ok(self.view()?.at(k))
-    }
-
-    fn view(&self) -> PyResult<One<'_>> {
-        let view = self.0.as_array();
-        if view.ndim() == 0 {
-            return Ok(One::Same(view.iter().next().copied().unwrap_or(f64::NAN)));
-        }
-        view.into_dimensionality::<Ix1>().map(One::Each).map_err(|e| bad(e.to_string()))
+    pub fn at(&self, k: usize) -> f64 {
+        self.0[if self.0.len() == 1 { 0 } else { k }]
     }
 }
 
-enum One<'a> {
-    Same(f64),
-    Each(ArrayView1<'a, f64>),
-}
-
-impl One<'_> {
-    fn at(&self, k: usize) -> f64 {
-        match self {
-            One::Same(x) => *x,
-            One::Each(v) => v[k],
-        }
-    }
-}
-
-/// What is known of each of n poses, as it came from Python.
-pub struct Known<'py> {
-    q: Table<'py>,
-    directions: Option<Table<'py>>,
-    time: Option<Column<'py>>,
-    seq: Option<Column<'py>>,
-    temperature: Option<Column<'py>>,
-    payload: Option<Column<'py>>,
+/// What is known of each of n poses.
+pub struct Known {
+    q: Table,
+    directions: Option<Table>,
+    time: Option<Column>,
+    seq: Option<Column>,
+    temperature: Option<Column>,
+    payload: Option<Column>,
 }
 
 /// Optional arrays that belong to joint values.
@@ -133,12 +114,12 @@ pub struct Beside<'a, 'py> {
     pub payload: Option<&'a Bound<'py, PyAny>>,
 }
 
-impl<'py> Known<'py> {
+impl Known {
     /// Joint values (n, joints) or (joints,) of an arm, and what is known beside them.
-    pub fn new(q: &Bound<'py, PyAny>, joints: usize, beside: &Beside<'_, 'py>) -> PyResult<Self> {
+    pub fn new(q: &Bound<'_, PyAny>, joints: usize, beside: &Beside<'_, '_>) -> PyResult<Self> {
         let q = Table::new(q, "q", joints)?;
-        let n = q.rows()?.nrows();
-        let column = |value: Option<&Bound<'py, PyAny>>, name: &str| {
+        let n = q.rows.nrows();
+        let column = |value: Option<&Bound<'_, PyAny>>, name: &str| {
             value.filter(|v| !v.is_none()).map(|v| Column::new(v, name, n)).transpose()
         };
         let directions = beside
@@ -146,11 +127,10 @@ impl<'py> Known<'py> {
             .filter(|v| !v.is_none())
             .map(|v| {
                 let table = Table::new(v, "directions", joints)?;
-                let rows = table.rows()?;
-                if !(table.single() || rows.nrows() == n) {
-                    return Err(bad(format!("directions has {} rows, but q has {n}", rows.nrows())));
+                if !table.goes_with(&q.rows) {
+                    return Err(bad(format!("directions has {} rows, but q has {n}", table.rows.nrows())));
                 }
-                if let Some(other) = rows.iter().find(|x| ![-1.0, 0.0, 1.0].contains(*x)) {
+                if let Some(other) = table.rows.iter().find(|x| ![-1.0, 0.0, 1.0].contains(*x)) {
                     return Err(bad(format!("directions holds {other}, expected -1, 0 or 1")));
                 }
                 Ok(table)
@@ -168,47 +148,23 @@ impl<'py> Known<'py> {
 
     /// Whether it is one pose.
     pub fn single(&self) -> bool {
-        self.q.single()
+        self.q.single
     }
 
-    /// The poses, for threads that know nothing of Python.
-    pub fn states(&self) -> PyResult<States<'_>> {
-        Ok(States {
-            q: self.q.rows()?,
-            directions: self.directions.as_ref().map(Table::rows).transpose()?,
-            time: self.time.as_ref().map(Column::view).transpose()?,
-            seq: self.seq.as_ref().map(Column::view).transpose()?,
-            temperature: self.temperature.as_ref().map(Column::view).transpose()?,
-            payload: self.payload.as_ref().map(Column::view).transpose()?,
-        })
-    }
-}
-
-/// Views into the arrays of [`Known`].
-pub struct States<'a> {
-    q: ArrayView2<'a, f64>,
-    directions: Option<ArrayView2<'a, f64>>,
-    time: Option<One<'a>>,
-    seq: Option<One<'a>>,
-    temperature: Option<One<'a>>,
-    payload: Option<One<'a>>,
-}
-
-impl States<'_> {
     /// Number of poses.
     pub fn len(&self) -> usize {
-        self.q.nrows()
+        self.q.rows.nrows()
     }
 
     /// Pose k.
     pub fn at(&self, k: usize) -> State {
-        let q: Joints = std::array::from_fn(|j| self.q.get((k, j)).copied().unwrap_or(0.0));
-        let dir = self.directions.as_ref().map(|d| {
-            let row = if d.nrows() == 1 { 0 } else { k };
+        let q: Joints = std::array::from_fn(|j| self.q.rows.get((k, j)).copied().unwrap_or(0.0));
+        let dir = self.directions.as_ref().map(|Table { rows, .. }| {
+            let row = if rows.nrows() == 1 { 0 } else { k };
             // -1, 0 or 1
-            std::array::from_fn(|j| d.get((row, j)).map_or(0, |sense| *sense as i8))
+            std::array::from_fn(|j| rows.get((row, j)).map_or(0, |sense| *sense as i8))
         });
-        let number = |c: &Option<One<'_>>| c.as_ref().map(|c| c.at(k));
+        let number = |c: &Option<Column>| c.as_ref().map(|c| c.at(k));
         State {
             dir,
             t: number(&self.time),
@@ -222,7 +178,16 @@ impl States<'_> {
 
 /// Joint values (joints,) of an arm, or the first of several.
 pub fn one_pose(q: &Bound<'_, PyAny>, robot: &Robot) -> PyResult<Joints> {
-    Ok(Known::new(q, robot.dof(), &Beside::default())?.states()?.at(0).q)
+    Ok(Known::new(q, robot.dof(), &Beside::default())?.at(0).q)
+}
+
+/// Position (3,) m and rotation (3, 3).
+pub type PoseArrays<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
+
+/// A pose as Python has it.
+pub fn pose_arrays<'py>(py: Python<'py>, pose: &Pose) -> PoseArrays<'py> {
+    let rotation = Array2::from_shape_fn((3, 3), |(i, j)| pose.rotation[(i, j)]);
+    (pose.translation.as_slice().to_vec().into_pyarray(py), rotation.into_pyarray(py))
 }
 
 /// An array (n, columns), or its only row.

@@ -173,7 +173,7 @@ fn counted(value: &Bound<'_, PyAny>, name: &str, n: usize) -> PyResult<Vec<usize
     let column = Column::new(value, name, n)?;
     (0..n)
         .map(|k| {
-            let x = column.at(k)?;
+            let x = column.at(k);
             if x.fract() != 0.0 || !(1.0..1e6).contains(&x) {
                 return Err(bad(format!("{name}, row {k}: found {x}, expected a number counted from 1")));
             }
@@ -217,8 +217,7 @@ pub fn _simulate(
         temperature: temperature.as_ref(),
         payload: payload.as_ref(),
     };
-    let known = Known::new(q, model.robot.dof(), &beside)?;
-    let states = known.states()?;
+    let states = Known::new(q, model.robot.dof(), &beside)?;
     let n = states.len();
     let numbers = number.map(|b| counted(b, kind, n)).transpose()?.unwrap_or_else(|| vec![0; n]);
     for (name, x) in [("noise", noise), ("angle_noise", angle_noise), ("stop_within", stop_within.unwrap_or(0.0))] {

@@ -11,6 +11,7 @@ use trical_plan::geometry::mesh::resolve_meshes;
 use trical_report::table::counted;
 
 use crate::arguments::path_of;
+use crate::arrays::{PoseArrays, pose_arrays};
 use crate::errors::{Result, bad, write};
 
 /// A nominal arm: modified Denavit-Hartenberg parameters, limits, masses.
@@ -137,10 +138,8 @@ impl PyCell {
 
     /// Where the arm stands in the world: position (3,) m and rotation (3, 3).
     #[getter]
-    fn base<'py>(&self, py: Python<'py>) -> (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>) {
-        let base = &self.0.world_from_base;
-        let rotation = Array2::from_shape_fn((3, 3), |(i, j)| base.rotation[(i, j)]);
-        (base.translation.as_slice().to_vec().into_pyarray(py), rotation.into_pyarray(py))
+    fn base<'py>(&self, py: Python<'py>) -> PoseArrays<'py> {
+        pose_arrays(py, &self.0.world_from_base)
     }
 
     /// Targets on the tool in the flange's frame, (targets, 3), m.

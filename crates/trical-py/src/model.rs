@@ -13,7 +13,7 @@ use trical_report::ErrorMap;
 use trical_report::error_map::Miss;
 
 use crate::arguments::path_of;
-use crate::arrays::{Beside, Known, States, Table, floats, joints_array, rows_or_one};
+use crate::arrays::{Beside, Known, Table, floats, joints_array, rows_or_one};
 use crate::errors::{Failed, Result, bad, write};
 use crate::interruptible::interruptible;
 use crate::machine::{CellArgument, PyCell, PyRobot, RobotArgument, kinds, limits};
@@ -45,10 +45,9 @@ impl PyModel {
     fn poses<'py>(
         &self,
         py: Python<'py>,
-        known: &Known<'py>,
+        states: &Known,
         pose: fn(&Forward, &State, &mut Workspace) -> Pose,
-    ) -> PyResult<Poses<'py>> {
-        let states = known.states()?;
+    ) -> Poses<'py> {
         let (p, r) = py.detach(|| {
             let n = states.len();
             let (mut p, mut r) = (Array2::zeros((n, 3)), Array3::zeros((n, 3, 3)));
@@ -64,8 +63,8 @@ impl PyModel {
             }
             (p, r)
         });
-        let single = known.single();
-        Ok((rows_or_one(py, p, single), blocks_or_one(py, r, single)))
+        let single = states.single();
+        (rows_or_one(py, p, single), blocks_or_one(py, r, single))
     }
 }
 
@@ -230,7 +229,7 @@ impl PyModel {
         payload: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Poses<'py>> {
         let known = Known::new(q, self.dof_(), &Beside { directions, time, seq, temperature, payload })?;
-        self.poses(py, &known, Forward::world_from_tool)
+        Ok(self.poses(py, &known, Forward::world_from_tool))
     }
 
     /// How far the arm misses all over its workspace, as in `trical export --error-map`: n poses at random within the
@@ -262,15 +261,14 @@ impl PyModel {
         payload: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Poses<'py>> {
         let known = Known::new(q, self.dof_(), &Beside { directions, time, seq, temperature, payload })?;
-        self.poses(py, &known, Forward::world_from_flange)
+        Ok(self.poses(py, &known, Forward::world_from_flange))
     }
 
     /// Jacobians (n, 6, joints), world axes: velocity of the TCP (m), then angular velocity (rad), per rad (m) of each joint,
     /// for joint values q (n, joints) in rad (m); (6, joints) for q of shape (joints,).
     fn jacobian<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         let n = self.dof_();
-        let known = Known::new(q, n, &Beside::default())?;
-        let states = known.states()?;
+        let states = Known::new(q, n, &Beside::default())?;
         let all = py.detach(|| {
             let mut ws = self.forward.workspace();
             let mut all = Array3::zeros((states.len(), 6, n));
@@ -285,7 +283,7 @@ impl PyModel {
             }
             all
         });
-        Ok(blocks_or_one(py, all, known.single()))
+        Ok(blocks_or_one(py, all, states.single()))
     }
 
     /// What gravity does at each joint, (n, joints), in N m about its axis (N along a prismatic one), for joint values q
@@ -299,10 +297,9 @@ impl PyModel {
         payload: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let n = self.dof_();
-        let known = Known::new(q, n, &Beside { payload, ..Beside::default() })?;
-        let states = known.states()?;
+        let states = Known::new(q, n, &Beside { payload, ..Beside::default() })?;
         let all = py.detach(|| self.torques(&states))?;
-        Ok(rows_or_one(py, all, known.single()))
+        Ok(rows_or_one(py, all, states.single()))
     }
 
     /// Joint values at which the tool, by the whole model, has a pose in the world: those nearest to `near`.
@@ -325,8 +322,7 @@ impl PyModel {
         payload: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let n = self.dof_();
-        let at = Table::new(positions, "positions", 3)?;
-        let (rows, single) = (at.rows()?, at.single());
+        let Table { rows, single } = Table::new(positions, "positions", 3)?;
         let turns = floats(rotations, "rotations")?;
         let turns = turns.as_array();
         let wanted: &[usize] = if single { &[3, 3] } else { &[rows.nrows(), 3, 3] };
@@ -335,16 +331,14 @@ impl PyModel {
         }
         let turns: Vec<f64> = turns.iter().copied().collect();
         let seed = Table::new(near, "near", n)?;
-        let seeds = seed.rows()?;
-        if !(seed.single() || seeds.nrows() == rows.nrows()) {
-            return Err(bad(format!("near has {} rows, but positions has {}", seeds.nrows(), rows.nrows())));
+        if !seed.goes_with(&rows) {
+            return Err(bad(format!("near has {} rows, but positions has {}", seed.rows.nrows(), rows.nrows())));
         }
         let all_seeds =
-            Array2::from_shape_fn((rows.nrows(), n), |(k, j)| seeds[(if seed.single() { 0 } else { k }, j)])
+            Array2::from_shape_fn((rows.nrows(), n), |(k, j)| seed.rows[(if seed.single { 0 } else { k }, j)])
                 .into_pyarray(py)
                 .into_any();
-        let known = Known::new(&all_seeds, n, &Beside { directions, time, seq, temperature, payload })?;
-        let states = known.states()?;
+        let states = Known::new(&all_seeds, n, &Beside { directions, time, seq, temperature, payload })?;
         let all = py.detach(|| -> Result<Vec<Joints>> {
             let mut ws = self.forward.workspace();
             (0..states.len())
@@ -369,7 +363,7 @@ impl PyModel {
 }
 
 impl PyModel {
-    fn torques(&self, states: &States<'_>) -> Result<Array2<f64>> {
+    fn torques(&self, states: &Known) -> Result<Array2<f64>> {
         let n = self.dof_().min(MAX_JOINTS);
         let mut ws = self.forward.workspace();
         let mut all = Array2::zeros((states.len(), n));

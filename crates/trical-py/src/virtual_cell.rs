@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use numpy::{IntoPyArray, PyArray1, PyArray2};
+use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use trical_device::virtual_cell::{Unsettled, fault_script};
@@ -13,7 +13,7 @@ use trical_ident::{ModelFile, model_of_touches, usual_set};
 use trical_model::MAX_JOINTS;
 
 use crate::arguments::keywords;
-use crate::arrays::one_pose;
+use crate::arrays::{PoseArrays, one_pose, pose_arrays};
 use crate::errors::{Result, bad};
 use crate::machine::{Machine, read};
 use crate::model::PyModel;
@@ -82,11 +82,8 @@ impl PyVirtualCell {
 
     /// True pose of the tool in the world: position (3,) m and rotation (3, 3), as a perfect tracker would measure it.
     #[getter]
-    #[expect(clippy::type_complexity, reason = "two arrays")]
-    fn tool<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
-        let (position, rows) = self.ask(py, VirtualCell::true_tcp)?;
-        let rotation = numpy::ndarray::Array2::from_shape_fn((3, 3), |(i, j)| rows[i][j]);
-        Ok((position.to_vec().into_pyarray(py), rotation.into_pyarray(py)))
+    fn tool<'py>(&self, py: Python<'py>) -> PyResult<PoseArrays<'py>> {
+        Ok(pose_arrays(py, &self.ask(py, VirtualCell::true_tcp)?))
     }
 
     /// Stops it; its addresses answer no more. Calling it again does nothing.

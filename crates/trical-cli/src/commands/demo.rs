@@ -26,7 +26,7 @@ use crate::commands::demo_report::{Models, Scored, Seal, error_rows};
 use crate::commands::{demo_report, plan, virtual_cell};
 use crate::error::{CliError, Result, of_wish};
 use crate::measure_view::{View, perform};
-use crate::{input, progress, say};
+use crate::{input, progress, say, say_json};
 
 const ROBOT: &str = include_str!("../../assets/irb120/robot.toml");
 const CELL: &str = include_str!("../../assets/irb120/cell.toml");
@@ -164,8 +164,7 @@ fn drive(cell: &VirtualCell, poses: &[(trical_model::Pose, Joints)]) -> Result<V
     let mut errors = Vec::new();
     for (wanted, joints) in poses {
         controller.move_joints(joints).map_err(CliError::failed)?;
-        let (at, _) = cell.true_tcp();
-        errors.push((Vector3::from(at) - wanted.translation).norm());
+        errors.push((cell.true_tcp().translation - wanted.translation).norm());
     }
     Ok(errors)
 }
@@ -204,7 +203,7 @@ pub fn run(args: &Args) -> Result<()> {
             serde_json::json!({ "before": before, "plain": plain, "after": after })
         };
         let residual = ErrorSummary::of(&models.plain.errors()?);
-        let value = serde_json::json!({
+        return say_json(&serde_json::json!({
             "touches": touches,
             "parameters": models.plain.free.len(),
             "rms_mm": residual.rms_mm,
@@ -215,8 +214,7 @@ pub fn run(args: &Args) -> Result<()> {
             "workspace": of(&scores[1]),
             "program": { "before": driven[0], "after": driven[1] },
             "out": out.display().to_string(),
-        });
-        return say(serde_json::to_string_pretty(&value)?);
+        }));
     }
     Ok(())
 }

@@ -2,16 +2,15 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use thiserror::Error;
+use trical_model::Pose;
 
 /// A touch with the pose of the flange that the nominal model gives for it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlangeTouch {
-    /// Flange in the base frame, m.
-    pub position: [f64; 3],
-    /// Rows of `base_from_flange`.
-    pub rotation: [[f64; 3]; 3],
+    /// Flange in the base frame.
+    pub base_from_flange: Pose,
     /// The ball's centre relative to the TCP, in the axes of the flange, m.
-    pub reading: [f64; 3],
+    pub reading: Vector3<f64>,
 }
 
 /// Why no TCP or frame could be found.
@@ -54,10 +53,10 @@ pub fn tcp_from_touches(touches: &[FlangeTouch]) -> Result<TcpFit, TcpError> {
     let mut matrix = DMatrix::zeros(rows, 6);
     let mut right = DVector::zeros(rows);
     for (at, touch) in touches.iter().enumerate() {
-        let rotation = matrix3(&touch.rotation);
+        let Pose { rotation, translation } = touch.base_from_flange;
         matrix.fixed_view_mut::<3, 3>(3 * at, 0).copy_from(&rotation);
         matrix.fixed_view_mut::<3, 3>(3 * at, 3).copy_from(&-Matrix3::identity());
-        let known = -(Vector3::from(touch.position) + rotation * Vector3::from(touch.reading));
+        let known = -(translation + rotation * touch.reading);
         right.fixed_rows_mut::<3>(3 * at).copy_from(&known);
     }
     let svd = matrix.clone().svd(true, true);
@@ -78,20 +77,15 @@ pub fn tcp_from_touches(touches: &[FlangeTouch]) -> Result<TcpFit, TcpError> {
 
 /// World frame from the centres of three balls in the base frame: origin in ball 1, x to ball 2, y towards ball 3.
 ///
-/// Gives origin (m) and rows of the rotation `base_from_world`.
+/// Gives `base_from_world`.
 ///
 /// # Errors
 /// The balls lie on a line.
-pub fn base_from_balls(balls: &[[f64; 3]; 3]) -> Result<([f64; 3], [[f64; 3]; 3]), TcpError> {
-    let [first, second, third] = balls.map(Vector3::from);
+pub fn base_from_balls([first, second, third]: &[Vector3<f64>; 3]) -> Result<Pose, TcpError> {
     let x = (second - first).try_normalize(1e-6).ok_or(TcpError::NoTriangle)?;
     let z = x.cross(&(third - first)).try_normalize(1e-6).ok_or(TcpError::NoTriangle)?;
     let y = z.cross(&x);
-    Ok((first.into(), std::array::from_fn(|row| [x[row], y[row], z[row]])))
-}
-
-fn matrix3(rows: &[[f64; 3]; 3]) -> Matrix3<f64> {
-    Matrix3::from_fn(|row, column| rows[row][column])
+    Ok(Pose { rotation: Matrix3::from_columns(&[x, y, z]), translation: *first })
 }
 
 #[cfg(test)]
@@ -105,12 +99,9 @@ mod tests {
 
     fn touch(roll: f64, pitch: f64, yaw: f64, reading: [f64; 3]) -> FlangeTouch {
         let rotation = *Rotation3::from_euler_angles(roll, pitch, yaw).matrix();
-        let position = Vector3::from(BALL) - rotation * (Vector3::from(TCP) + Vector3::from(reading));
-        FlangeTouch {
-            position: position.into(),
-            rotation: std::array::from_fn(|r| std::array::from_fn(|c| rotation[(r, c)])),
-            reading,
-        }
+        let reading = Vector3::from(reading);
+        let translation = Vector3::from(BALL) - rotation * (Vector3::from(TCP) + reading);
+        FlangeTouch { base_from_flange: Pose { rotation, translation }, reading }
     }
 
     #[test]
@@ -134,7 +125,7 @@ mod tests {
             .iter()
             .map(|(roll, pitch, yaw)| touch(*roll, *pitch, *yaw, [0.0; 3]))
             .collect();
-        touches[1].reading = [2e-5, 0.0, 0.0];
+        touches[1].reading = Vector3::new(2e-5, 0.0, 0.0);
         let once = tcp_from_touches(&touches).unwrap().rms;
         let twice = tcp_from_touches(&touches.repeat(2)).unwrap().rms;
         assert!(once > 1e-6 && once < 2e-5 && (once - twice).abs() < 1e-12, "{once} {twice}");
@@ -149,12 +140,11 @@ mod tests {
 
     #[test]
     fn the_world_frame_of_three_balls() {
-        let (origin, rotation) = base_from_balls(&[[0.1, 0.2, 0.3], [0.1, 0.5, 0.3], [-0.2, 0.2, 0.3]]).unwrap();
-        assert_eq!(origin, [0.1, 0.2, 0.3]);
-        let expected = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
-        for (row, expected) in rotation.iter().flatten().zip(expected.iter().flatten()) {
-            assert!((row - expected).abs() < 1e-12, "{rotation:?}");
-        }
-        assert_eq!(base_from_balls(&[[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]), Err(TcpError::NoTriangle));
+        let of = |balls: [[f64; 3]; 3]| base_from_balls(&balls.map(Vector3::from));
+        let Pose { rotation, translation } = of([[0.1, 0.2, 0.3], [0.1, 0.5, 0.3], [-0.2, 0.2, 0.3]]).unwrap();
+        assert_eq!(translation, Vector3::new(0.1, 0.2, 0.3));
+        let expected = Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0);
+        assert!((rotation - expected).amax() < 1e-12, "{rotation:?}");
+        assert_eq!(of([[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]), Err(TcpError::NoTriangle));
     }
 }

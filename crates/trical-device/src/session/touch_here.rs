@@ -1,6 +1,6 @@
 //! A touch where the arm stands, and what such touches say of tool and base.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use thiserror::Error;
 use trical_model::pose::rotation_vector;
 use trical_model::recording::Row;
@@ -104,12 +104,8 @@ pub fn tool_point(robot: &Robot, cell: &Cell, rows: &[Row]) -> Result<TcpFit, Se
     let mut touches = Vec::new();
     for row in rows {
         let Measured::Touch { reading, .. } = row.measured else { continue };
-        let flange = base_from_flange(robot, cell, &row.state.q)?;
-        touches.push(FlangeTouch {
-            position: flange.translation.into(),
-            rotation: std::array::from_fn(|i| std::array::from_fn(|j| flange.rotation[(i, j)])),
-            reading: (cell.tool.rotation * Vector3::from(reading)).into(),
-        });
+        let base_from_flange = base_from_flange(robot, cell, &row.state.q)?;
+        touches.push(FlangeTouch { base_from_flange, reading: cell.tool.rotation * Vector3::from(reading) });
     }
     let fit = tcp_from_touches(&touches)?;
     if fit.rms > TOO_FAR {
@@ -160,20 +156,16 @@ pub fn base(robot: &Robot, cell: &Cell, rows: [&Row; 3]) -> Result<BaseFit, SetU
     if cell.balls.len() < 3 {
         return Err(SetUpError::TooFewBalls(cell.balls.len()));
     }
-    let mut balls = [[0.0; 3]; 3];
+    let mut balls = [Vector3::zeros(); 3];
     for (to, row) in balls.iter_mut().zip(rows) {
         let Measured::Touch { reading, .. } = row.measured else { continue };
         let at = base_from_flange(robot, cell, &row.state.q)?;
         let centre = cell.tool.tcp + cell.tool.rotation * Vector3::from(reading);
-        *to = at.apply(&centre).into();
+        *to = at.apply(&centre);
     }
-    let known: [[f64; 3]; 3] = std::array::from_fn(|k| cell.balls[k].into());
-    let length = |p: &[[f64; 3]; 3], a: usize, b: usize| (Vector3::from(p[a]) - Vector3::from(p[b])).norm();
+    let known: [Vector3<f64>; 3] = std::array::from_fn(|k| cell.balls[k]);
+    let length = |p: &[Vector3<f64>; 3], a: usize, b: usize| (p[a] - p[b]).norm();
     let distances = [(0, 1), (0, 2), (1, 2)].map(|(a, b)| (a + 1, b + 1, length(&balls, a, b), length(&known, a, b)));
-    let pose = |(origin, rows): ([f64; 3], [[f64; 3]; 3])| Pose {
-        rotation: Matrix3::from_fn(|i, j| rows[i][j]),
-        translation: origin.into(),
-    };
     let (measured, file) = (base_from_balls(&balls)?, base_from_balls(&known)?);
-    Ok(BaseFit { world_from_base: pose(file).compose(&pose(measured).inverse()), distances })
+    Ok(BaseFit { world_from_base: file.compose(&measured.inverse()), distances })
 }

@@ -4,12 +4,11 @@ use std::collections::hash_map::RandomState;
 use std::hash::{BuildHasher, Hasher};
 use std::sync::{Mutex, PoisonError};
 
-use nalgebra::Matrix3;
 use trical_model::ik::continue_from;
 use trical_model::touch::reading_at;
 use trical_model::{Forward, Joints, MAX_JOINTS, Model, Pose, State, Workspace};
 
-use super::{CellOptions, Frame, Plant};
+use super::{CellOptions, Plant};
 use crate::url::Secret;
 
 /// The true arm and the balls, and the nominal arm of the controller.
@@ -18,11 +17,6 @@ pub struct ArmPlant {
     nominal: Forward,
     truth_ws: Workspace,
     nominal_ws: Mutex<Workspace>,
-}
-
-fn rows(p: &Pose) -> Frame {
-    let r = &p.rotation;
-    (p.translation.into(), std::array::from_fn(|i| std::array::from_fn(|j| r[(i, j)])))
 }
 
 impl ArmPlant {
@@ -59,17 +53,16 @@ impl Plant for ArmPlant {
         reading_at(&self.truth, state, ball, &mut self.truth_ws)
     }
 
-    fn tcp(&mut self, state: &State) -> Frame {
-        rows(&self.truth.world_from_tool(state, &mut self.truth_ws))
+    fn tcp(&mut self, state: &State) -> Pose {
+        self.truth.world_from_tool(state, &mut self.truth_ws)
     }
 
-    fn nominal_tcp(&self, q: &Joints) -> Frame {
-        self.with_nominal(|f, ws| rows(&f.world_from_tool(&State::at(q), ws)))
+    fn nominal_tcp(&self, q: &Joints) -> Pose {
+        self.with_nominal(|f, ws| f.world_from_tool(&State::at(q), ws))
     }
 
-    fn nominal_inverse(&self, position: [f64; 3], rotation: [[f64; 3]; 3], seed: &Joints) -> Option<Joints> {
-        let pose = Pose { rotation: Matrix3::from_fn(|i, j| rotation[i][j]), translation: position.into() };
-        self.with_nominal(|f, ws| continue_from(f, &pose, &State::at(seed), ws).ok())
+    fn nominal_inverse(&self, world_from_tool: &Pose, seed: &Joints) -> Option<Joints> {
+        self.with_nominal(|f, ws| continue_from(f, world_from_tool, &State::at(seed), ws).ok())
     }
 
     fn temperature(&mut self, t: f64) -> Option<f64> {

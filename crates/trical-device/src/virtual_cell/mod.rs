@@ -20,13 +20,14 @@ use std::thread::JoinHandle;
 
 use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
 use thiserror::Error;
+use trical_model::Pose;
 use trical_model::recording::{Joints, MAX_JOINTS, State};
 
 use crate::gauge::uwave_protocol::Status;
 use crate::url::Secret;
 
 pub use arm::ArmPlant;
-pub use plant::{Frame, Plant};
+pub use plant::Plant;
 pub use script::{Scheduled, When};
 
 /// What a virtual cell is like. Lengths in m, angles in rad, times in s.
@@ -238,10 +239,8 @@ pub struct VirtualCell {
     threads: Vec<JoinHandle<()>>,
     terminal: PathBuf,
     address: SocketAddr,
-    secret: Option<Secret>,
-    channels: [u8; 3],
-    group: u8,
-    radio_delay: f64,
+    gauge_url: String,
+    controller_url: String,
     /// Kept open, so that the terminal stays raw while nobody else has it.
     _slave: OwnedFd,
 }
@@ -263,8 +262,16 @@ impl VirtualCell {
         let (master, slave, terminal) =
             raw_terminal().map_err(|error| CellError::PseudoTerminal { reason: error.to_string() })?;
 
-        let secret = options.secret.clone();
-        let (channels, group, radio_delay) = (options.channels, options.group, options.radio_delay);
+        let [x, y, z] = options.channels;
+        let gauge_url = format!(
+            "uwave://{}?x={x:02}&y={y:02}&z={z:02}&group={:02}&interval_ms=0&settle_ms={:.0}&repeats=2",
+            terminal.display(),
+            options.group,
+            // readings that agree must not both be older than the motion
+            options.radio_delay * 1.5e3
+        );
+        let secret = options.secret.as_ref().map(|secret| format!("&secret={}", secret.text())).unwrap_or_default();
+        let controller_url = format!("rapid://{address}?settle_ms=0{secret}");
         let world = Arc::new(Mutex::new(world::World::new(plant, options)));
         let stop = Arc::new(AtomicBool::new(false));
         let mut cell = Self {
@@ -273,10 +280,8 @@ impl VirtualCell {
             threads: Vec::new(),
             terminal,
             address,
-            secret,
-            channels,
-            group,
-            radio_delay,
+            gauge_url,
+            controller_url,
             _slave: slave,
         };
         let (shared, ends) = (Arc::clone(&world), Arc::clone(&stop));
@@ -309,21 +314,13 @@ impl VirtualCell {
     /// URL for [`crate::open_gauge`]; without the pauses that a radio link needs.
     #[must_use]
     pub fn gauge_url(&self) -> String {
-        let [x, y, z] = self.channels;
-        format!(
-            "uwave://{}?x={x:02}&y={y:02}&z={z:02}&group={:02}&interval_ms=0&settle_ms={:.0}&repeats=2",
-            self.terminal.display(),
-            self.group,
-            // readings that agree must not both be older than the motion
-            self.radio_delay * 1.5e3
-        )
+        self.gauge_url.clone()
     }
 
     /// URL for [`crate::open_controller`]; without pauses too. It has the secret.
     #[must_use]
     pub fn controller_url(&self) -> String {
-        let secret = self.secret.as_ref().map(|secret| format!("&secret={}", secret.text())).unwrap_or_default();
-        format!("rapid://{}?settle_ms=0{secret}", self.address)
+        self.controller_url.clone()
     }
 
     /// Lets something go wrong from now on.
@@ -347,9 +344,9 @@ impl VirtualCell {
         lock(&self.world).state()
     }
 
-    /// Where the TCP truly is, in the world frame; what a perfect tracker would see.
+    /// Where the tool truly is, in the world frame; what a perfect tracker would see.
     #[must_use]
-    pub fn true_tcp(&self) -> Frame {
+    pub fn true_tcp(&self) -> Pose {
         lock(&self.world).true_tcp()
     }
 

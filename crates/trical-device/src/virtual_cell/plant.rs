@@ -1,9 +1,7 @@
 //! What the virtual cell asks of the arm behind it.
 
+use trical_model::Pose;
 use trical_model::recording::{Joints, MAX_JOINTS, State};
-
-/// Position in m and the rows of a rotation matrix.
-pub type Frame = ([f64; 3], [[f64; 3]; 3]);
 
 /// The physical arm and the balls behind a virtual cell.
 ///
@@ -26,14 +24,14 @@ pub trait Plant: Send {
     /// since the cell began, the temperature and the payload.
     fn offset_to_ball(&mut self, state: &State, ball: usize) -> [f64; 3];
 
-    /// True TCP in the world frame, m, and rows of the rotation matrix.
-    fn tcp(&mut self, state: &State) -> Frame;
+    /// True tool in the world frame.
+    fn tcp(&mut self, state: &State) -> Pose;
 
-    /// TCP in the world frame where the controller believes it to be, m, and rows of the rotation matrix.
-    fn nominal_tcp(&self, q: &Joints) -> Frame;
+    /// Tool in the world frame where the controller believes it to be.
+    fn nominal_tcp(&self, q: &Joints) -> Pose;
 
     /// Joint values near `seed` with which the controller believes to be at this pose; `None` where it cannot get there.
-    fn nominal_inverse(&self, position: [f64; 3], rotation: [[f64; 3]; 3], seed: &Joints) -> Option<Joints>;
+    fn nominal_inverse(&self, world_from_tool: &Pose, seed: &Joints) -> Option<Joints>;
 
     /// Temperature in degC at a time in s since the cell began, where the cell has a sensor.
     fn temperature(&mut self, _t: f64) -> Option<f64> {

@@ -2,13 +2,15 @@
 
 use std::time::Instant;
 
+use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64Mcg;
+use trical_model::Pose;
 use trical_model::recording::{Joints, MAX_JOINTS, State};
 
 use super::script::Counters;
-use super::{CellOptions, Fault, Frame, Plant};
+use super::{CellOptions, Fault, Plant};
 use crate::controller::largest_difference;
 use trical_recording::motion::{JointSample, MotionSense};
 
@@ -213,7 +215,7 @@ impl World {
         }
     }
 
-    pub(super) fn true_tcp(&mut self) -> Frame {
+    pub(super) fn true_tcp(&mut self) -> Pose {
         let state = self.state();
         self.plant.tcp(&state)
     }
@@ -241,7 +243,8 @@ impl World {
         if self.has(&Fault::RefuseMoves) {
             return Err("emergency stop".to_owned());
         }
-        let (length, options) = (norm(&displacement), &self.options);
+        let displacement = Vector3::from(displacement);
+        let (length, options) = (displacement.norm(), &self.options);
         if length > options.correction_limit {
             let (length, limit) = (length * 1e3, options.correction_limit * 1e3);
             return Err(format!("correction {length:.3} mm is over the limit of {limit:.3} mm"));
@@ -250,11 +253,9 @@ impl World {
             let limit = options.correction_sum_limit * 1e3;
             return Err(format!("corrections since the last MoveAbsJ are over {limit:.3} mm"));
         }
-        let (position, rotation) = self.plant.nominal_tcp(&self.q);
-        let moved = std::array::from_fn(|row| {
-            position[row] + (0..3).map(|column| rotation[row][column] * displacement[column]).sum::<f64>()
-        });
-        let Some(target) = self.plant.nominal_inverse(moved, rotation, &self.q) else {
+        let mut tool = self.plant.nominal_tcp(&self.q);
+        tool.translation += tool.rotation * displacement;
+        let Some(target) = self.plant.nominal_inverse(&tool, &self.q) else {
             return Err("position cannot be reached".to_owned());
         };
         self.check_limits(&target)?;
@@ -323,9 +324,8 @@ impl World {
     }
 
     fn duration(&self, start: &Joints, target: &Joints) -> f64 {
-        let (from, _) = self.plant.nominal_tcp(start);
-        let (to, _) = self.plant.nominal_tcp(target);
-        let length = from.iter().zip(&to).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+        let [from, to] = [start, target].map(|q| self.plant.nominal_tcp(q).translation);
+        let length = (from - to).norm();
         let angle = start.iter().zip(target).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         (length / self.linear_speed).max(angle / self.angular_speed)
     }
@@ -334,24 +334,18 @@ impl World {
     fn settle(&mut self) {
         let state = self.state();
         let [low, high] = self.options.stroke;
-        let mut touched: Option<[f64; 3]> = None;
+        let mut touched: Option<Vector3<f64>> = None;
         let slipped = self.active().find_map(|fault| match fault {
-            Fault::SlippedPlate { by_um } => Some(by_um.map(|um| f64::from(um) * 1e-6)),
+            Fault::SlippedPlate { by_um } => Some(Vector3::from(by_um.map(|um| f64::from(um) * 1e-6))),
             _ => None,
         });
-        let slipped = slipped.map(|by| {
-            let (_, rotation) = self.plant.tcp(&state);
-            std::array::from_fn::<f64, 3, _>(|axis| (0..3).map(|row| rotation[row][axis] * by[row]).sum())
-        });
+        let slipped = slipped.map_or_else(Vector3::zeros, |by| self.plant.tcp(&state).rotation.transpose() * by);
         let removed = self.has(&Fault::BallsRemoved);
         for ball in 0..self.plant.balls() {
             // asked at each place where the arm comes to rest: who watches the arm hears of all of them
-            let mut offset = self.plant.offset_to_ball(&state, ball);
-            for (offset, slipped) in offset.iter_mut().zip(slipped.unwrap_or_default()) {
-                *offset += slipped;
-            }
+            let offset = Vector3::from(self.plant.offset_to_ball(&state, ball)) + slipped;
             let within = !removed && offset.iter().all(|d| (low..=high).contains(d));
-            if within && touched.is_none_or(|best| norm(&offset) < norm(&best)) {
+            if within && touched.is_none_or(|best| offset.norm() < best.norm()) {
                 touched = Some(offset);
             }
         }
@@ -380,10 +374,6 @@ impl World {
             _ => [0.0; 3],
         }
     }
-}
-
-fn norm(d: &[f64; 3]) -> f64 {
-    d.iter().map(|d| d * d).sum::<f64>().sqrt()
 }
 
 /// Joint values on the grid of the wire, five decimals of a degree: the arm is where the controller says it is.

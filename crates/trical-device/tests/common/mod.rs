@@ -4,11 +4,13 @@
 
 use std::sync::atomic::AtomicBool;
 
-use trical_device::virtual_cell::{Frame, Plant};
+use nalgebra::{Matrix3, Vector3};
+use trical_device::virtual_cell::Plant;
 use trical_device::{
     CellOptions, Controller, Fault, Gauge, PlanEntry, ProcedureError, ProcedureOptions, Progress, RunReport,
     VirtualCell, open_controller, open_gauge, run,
 };
+use trical_model::Pose;
 use trical_model::recording::{Joints, MAX_JOINTS, Row, State};
 
 /// Three linear joints (1 rad stands for 1 m) and roll, pitch, yaw of the wrist, about a TCP off the wrist.
@@ -32,30 +34,34 @@ impl Default for Gantry {
     }
 }
 
-pub fn rotation(q: &Joints) -> [[f64; 3]; 3] {
+pub fn rotation(q: &Joints) -> Matrix3<f64> {
     let (sa, ca) = q[3].sin_cos();
     let (sb, cb) = q[4].sin_cos();
     let (sc, cc) = q[5].sin_cos();
-    [
-        [ca * cb, ca * sb * sc - sa * cc, ca * sb * cc + sa * sc],
-        [sa * cb, sa * sb * sc + ca * cc, sa * sb * cc - ca * sc],
-        [-sb, cb * sc, cb * cc],
-    ]
+    Matrix3::new(
+        ca * cb,
+        ca * sb * sc - sa * cc,
+        ca * sb * cc + sa * sc,
+        sa * cb,
+        sa * sb * sc + ca * cc,
+        sa * sb * cc - ca * sc,
+        -sb,
+        cb * sc,
+        cb * cc,
+    )
 }
 
-pub fn nominal(q: &Joints) -> Frame {
-    let r = rotation(q);
-    (std::array::from_fn(|i| q[i] + (0..3).map(|j| r[i][j] * TCP[j]).sum::<f64>()), r)
+pub fn nominal(q: &Joints) -> Pose {
+    let rotation = rotation(q);
+    Pose { rotation, translation: Vector3::new(q[0], q[1], q[2]) + rotation * Vector3::from(TCP) }
 }
 
-pub fn inverse(position: [f64; 3], r: [[f64; 3]; 3]) -> Joints {
-    let mut q = [0.0; MAX_JOINTS];
-    q[4] = (-r[2][0]).asin();
-    q[3] = r[1][0].atan2(r[0][0]);
-    q[5] = r[2][1].atan2(r[2][2]);
-    for i in 0..3 {
-        q[i] = position[i] - (0..3).map(|j| r[i][j] * TCP[j]).sum::<f64>();
-    }
+pub fn inverse(pose: &Pose) -> Joints {
+    let (r, mut q) = (&pose.rotation, [0.0; MAX_JOINTS]);
+    q[4] = (-r[(2, 0)]).asin();
+    q[3] = r[(1, 0)].atan2(r[(0, 0)]);
+    q[5] = r[(2, 1)].atan2(r[(2, 2)]);
+    q[..3].copy_from_slice((pose.translation - r * Vector3::from(TCP)).as_slice());
     q
 }
 
@@ -67,24 +73,21 @@ impl Plant for Gantry {
         BALLS.len()
     }
     fn offset_to_ball(&mut self, state: &State, ball: usize) -> [f64; 3] {
-        let (p, r) = self.tcp(state);
-        let d: [f64; 3] = std::array::from_fn(|i| BALLS[ball][i] - p[i]);
-        std::array::from_fn(|j| (0..3).map(|i| r[i][j] * d[i]).sum())
+        let tool = self.tcp(state);
+        (tool.rotation.transpose() * (Vector3::from(BALLS[ball]) - tool.translation)).into()
     }
-    fn tcp(&mut self, state: &State) -> Frame {
-        let (mut p, r) = nominal(&state.q);
-        for i in 0..3 {
-            p[i] += self.error[i];
-        }
-        p[0] += self.backlash * f64::from(state.dir.map_or(0, |dir| dir[1]));
-        p[2] += self.drift * state.t.unwrap_or(0.0);
-        (p, r)
+    fn tcp(&mut self, state: &State) -> Pose {
+        let mut tool = nominal(&state.q);
+        tool.translation += Vector3::from(self.error);
+        tool.translation.x += self.backlash * f64::from(state.dir.map_or(0, |dir| dir[1]));
+        tool.translation.z += self.drift * state.t.unwrap_or(0.0);
+        tool
     }
-    fn nominal_tcp(&self, q: &Joints) -> Frame {
+    fn nominal_tcp(&self, q: &Joints) -> Pose {
         nominal(q)
     }
-    fn nominal_inverse(&self, position: [f64; 3], rotation: [[f64; 3]; 3], _: &Joints) -> Option<Joints> {
-        (position[2] > -0.5).then(|| inverse(position, rotation))
+    fn nominal_inverse(&self, world_from_tool: &Pose, _: &Joints) -> Option<Joints> {
+        (world_from_tool.translation.z > -0.5).then(|| inverse(world_from_tool))
     }
     fn temperature(&mut self, t: f64) -> Option<f64> {
         Some(20.0 + 1e-3 * t + self.hotter)
@@ -99,14 +102,10 @@ pub fn plan(count: u64) -> Vec<PlanEntry> {
             let turn = index as f64;
             let mut seed = [0.0; MAX_JOINTS];
             (seed[3], seed[4], seed[5]) = (0.3 * turn.sin(), 0.2 * (1.7 * turn).cos(), 0.25 * (2.3 * turn).sin());
-            let r = rotation(&seed);
+            let rotation = rotation(&seed);
             let at = |short: f64, lift: f64| {
-                let mut p = BALLS[ball];
-                for i in 0..3 {
-                    p[i] -= short * (r[i][0] + r[i][1] + r[i][2]) / 3.0_f64.sqrt();
-                }
-                p[2] += lift;
-                inverse(p, r)
+                let back = rotation * Vector3::from_element(short / 3.0_f64.sqrt());
+                inverse(&Pose { rotation, translation: Vector3::from(BALLS[ball]) - back + lift * Vector3::z() })
             };
             PlanEntry { index, ball, joints: at(0.0, 0.0), via: vec![at(0.03, 0.2), at(0.03, 0.0)] }
         })

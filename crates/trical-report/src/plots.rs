@@ -317,28 +317,44 @@ pub fn histogram(x_label: &str, values: &[f64]) -> Result<String> {
     })
 }
 
-/// The static picture of a scatter plot.
-fn still(x_label: &str, y_label: &str, from_zero: bool, curves: bool, series: &[Series]) -> Result<String> {
-    let all = || series.iter().flat_map(|s| s.points.iter());
-    let (x, y) = (range(all().map(|p| p.0), false), range(all().map(|p| p.1), from_zero));
-    let mut dots = String::new();
-    let svg = draw((480, 300), |root| {
+/// A picture of series over x: its axes, and what is drawn `with` them.
+fn chart(
+    (x_label, y_label): (&str, &str),
+    (x, y): (std::ops::Range<f64>, std::ops::Range<f64>),
+    series: &[Series],
+    with: impl FnOnce(&mut Chart<'_, '_>) -> Result<()>,
+) -> Result<String> {
+    draw((480, 300), |root| {
         let mut chart = framed(root).margin_top(26).build_cartesian_2d(x, y)?;
         axes(&mut chart, x_label, y_label, |mesh| {
             mesh.x_labels(ticks(series));
         })?;
+        with(&mut chart)
+    })
+}
+
+/// What the legend says of series.
+fn keys(series: &[Series]) -> Vec<(&str, RGBColor)> {
+    series.iter().map(|s| (s.name, s.color)).collect()
+}
+
+/// The static picture of a scatter plot.
+fn still(x_label: &str, y_label: &str, from_zero: bool, curves: bool, series: &[Series]) -> Result<String> {
+    let all = || series.iter().flat_map(|s| s.points.iter());
+    let ranges = (range(all().map(|p| p.0), false), range(all().map(|p| p.1), from_zero));
+    let mut dots = String::new();
+    let svg = chart((x_label, y_label), ranges, series, |chart| {
         for s in series {
             if curves {
                 chart.draw_series(LineSeries::new(s.points.iter().copied(), s.color.stroke_width(2)))?;
             }
             if !curves || few(series) {
-                dots += &points(&chart, s, STRONG);
+                dots += &points(chart, s, STRONG);
             }
         }
         Ok(())
     })?;
-    let keys: Vec<(&str, RGBColor)> = series.iter().map(|s| (s.name, s.color)).collect();
-    Ok(with_more(&svg, &(dots + &legend(&keys))))
+    Ok(with_more(&svg, &(dots + &legend(&keys(series)))))
 }
 
 /// How much of what is behind them hide points, and where means are drawn over them.
@@ -420,17 +436,13 @@ pub fn curve_over_data(x_label: &str, y_label: &str, data: &[Series], curve: &Ba
     // single points far off must not make the curve flat
     let y = usual(all().map(|p| p.1), curve.points.iter().flat_map(|p| [p.2, p.3]));
     let (mut dots, mut told) = Default::default();
-    let svg = draw((480, 300), |root| {
-        let mut chart = framed(root).margin_top(26).build_cartesian_2d(x, y.clone())?;
-        axes(&mut chart, x_label, y_label, |mesh| {
-            mesh.x_labels(ticks(data));
-        })?;
-        (dots, told) = crowd(&chart, data, &y, STRONG);
+    let svg = chart((x_label, y_label), (x, y.clone()), data, |chart| {
+        (dots, told) = crowd(chart, data, &y, STRONG);
         chart.draw_series(std::iter::once(Polygon::new(curve.outline(), curve.color.mix(0.25))))?;
         chart.draw_series(LineSeries::new(curve.line(), curve.color.stroke_width(2)))?;
         Ok(())
     })?;
-    let mut keys: Vec<(&str, RGBColor)> = data.iter().map(|s| (s.name, s.color)).collect();
+    let mut keys = keys(data);
     keys.push((&curve.name, curve.color));
     // points behind the curve
     let at = svg.find("<polygon").unwrap_or(svg.len());
@@ -470,12 +482,8 @@ pub fn compared(x_label: &str, y_label: &str, series: &[Series]) -> Result<Strin
     let y = usual(all().map(|p| p.1), each.iter().flatten().flat_map(|m| [m.1 - m.2, m.1 + m.2]));
     let (mut dots, mut told) = Default::default();
     let mut over = String::new();
-    let svg = draw((480, 300), |root| {
-        let mut chart = framed(root).margin_top(26).build_cartesian_2d(x, y.clone())?;
-        axes(&mut chart, x_label, y_label, |mesh| {
-            mesh.x_labels(ticks(series));
-        })?;
-        (dots, told) = crowd(&chart, series, &y, FAINT);
+    let svg = chart((x_label, y_label), (x, y.clone()), series, |chart| {
+        (dots, told) = crowd(chart, series, &y, FAINT);
         for (s, means) in series.iter().zip(&each) {
             let (mut line, mut bars, mut marks) = (String::new(), String::new(), String::new());
             for (k, (x, mean, half)) in means.iter().enumerate() {
@@ -494,8 +502,7 @@ pub fn compared(x_label: &str, y_label: &str, series: &[Series]) -> Result<Strin
         }
         Ok(())
     })?;
-    let keys: Vec<(&str, RGBColor)> = series.iter().map(|s| (s.name, s.color)).collect();
-    Ok(with_more(&svg, &(dots + &over + &legend(&keys))) + &told)
+    Ok(with_more(&svg, &(dots + &over + &legend(&keys(series)))) + &told)
 }
 
 /// A spectrum: amplitude of each whole number of cycles a turn; `marks` are those that were named.

@@ -24,6 +24,7 @@ use std::io::Write as _;
 use std::sync::Arc;
 
 use clap::{CommandFactory, Parser, Subcommand};
+use trical_report::table;
 
 use crate::error::CliError;
 
@@ -152,6 +153,19 @@ fn written(result: std::io::Result<()>) -> Result<(), CliError> {
         Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => std::process::exit(0),
         other => other.map_err(|e| CliError::Failed(format!("standard output: {e}"))),
     }
+}
+
+/// Prints what a machine reads.
+pub(crate) fn say_json(value: &impl serde::Serialize) -> Result<(), CliError> {
+    say(serde_json::to_string_pretty(value)?)
+}
+
+/// Characters in a line of prose.
+pub(crate) const LINE: usize = 108;
+
+/// Prints prose in lines that each begin with `indent`.
+pub(crate) fn say_wrapped(text: &str, indent: &str) -> Result<(), CliError> {
+    say_lines(table::wrapped(text, LINE, indent))
 }
 
 /// Prints one line after the other.

@@ -7,7 +7,7 @@ use pyo3::types::PyDict;
 use serde_json::{Value, json};
 use trical_model::urdf::UrdfPath;
 use trical_recording::{is_mcap, open_damaged, output, read_recording};
-use trical_report::{ErrorMap, Export};
+use trical_report::{Export, Outputs};
 
 use crate::arguments::keywords;
 use crate::errors::{Result, bad, check, write};
@@ -79,33 +79,17 @@ pub fn _export(
     let model = file.model;
     let said = interruptible(py, None, |_| -> Result<Value> {
         let arm = Export::of(&model)?;
-        let mut written = Vec::new();
-        let mut put = |out: &Path, text: &str| -> Result<()> {
-            write(out, text.as_bytes())?;
-            written.push(out.display().to_string());
-            Ok(())
+        let to = Outputs {
+            urdf: urdf.as_deref(),
+            ur_kinematics: ur_kinematics.as_deref(),
+            mdh: mdh.as_deref(),
+            error_map: error_map.as_deref(),
+            poses,
         };
-        if let Some(out) = &urdf {
-            match &given {
-                Some(given) => put(out, &trical_model::calibrated::corrected_file(given, &model)?)?,
-                None => put(out, &arm.urdf(&name))?,
-            }
-        }
-        if let Some(out) = &ur_kinematics {
-            put(out, &trical_model::calibrated::ur_kinematics(&model, "calib_trical")?)?;
-        }
-        if let Some(out) = &mdh {
-            put(out, &arm.table(out)?)?;
-        }
-        let mut map = Value::Null;
-        if let Some(out) = &error_map {
-            let errors = ErrorMap::of(&model, poses)?;
-            put(out, &errors.csv())?;
-            map = serde_json::to_value(errors.summary())?;
-        }
-        let mut said = arm.json(&written);
-        said["error_map"] = map;
-        Ok(said)
+        let (texts, map) = arm.texts(&to, given.as_ref(), (&name, "calib_trical"))?;
+        texts.iter().try_for_each(|(out, text)| write(out, text.as_bytes()))?;
+        let written: Vec<String> = texts.iter().map(|(out, _)| out.display().to_string()).collect();
+        Ok(arm.json(&written, map.as_ref()))
     })?;
     Ok(said.to_string())
 }

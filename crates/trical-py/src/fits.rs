@@ -6,7 +6,7 @@ use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use serde_json::{Value, json};
+use serde_json::Value;
 use trical_diagnose::effects::EFFECTS;
 use trical_diagnose::{Diagnosis, EffectId, diagnose_recordings, verdict};
 use trical_ident::fit::position_errors;
@@ -17,7 +17,7 @@ use trical_ident::{
 use trical_model::{Cell, Forward, Robot, Task};
 use trical_plan::Next;
 use trical_recording::{CsvStream, RecordError, open_large};
-use trical_report::deciding::plan_next;
+use trical_report::deciding::{self, plan_next};
 use trical_report::verdict_told;
 
 use crate::arguments::{keywords, parameter_set, source};
@@ -139,13 +139,7 @@ fn next_touches(
 ) -> Result<Option<(Next, Value)>> {
     let Some(undecided) = found.undecided()? else { return Ok(None) };
     let next = plan_next(robot, cell, &undecided, count, task)?;
-    let said = json!({
-        "effect": undecided.finding.effect,
-        "site": undecided.finding.site,
-        "explanations": undecided.names,
-        "lambda": next.lambda,
-        "random_lambda": next.random_lambda,
-    });
+    let said = deciding::json_of(&undecided, &next);
     Ok(Some((next, said)))
 }
 

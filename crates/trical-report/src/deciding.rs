@@ -1,5 +1,6 @@
 //! Touches that would decide between the least sure finding of a diagnosis and its rivals.
 
+use serde_json::{Value, json};
 use trical_diagnose::Undecided;
 use trical_model::{Cell, Robot, Task};
 use trical_plan::{Next, PlanOptions, Question, plan_to_discriminate};
@@ -23,4 +24,16 @@ pub fn plan_next(robot: &Robot, cell: &Cell, undecided: &Undecided<'_>, count: u
     };
     let options = PlanOptions { pool_per_ball: POOL, noise_m: undecided.sigma, ..PlanOptions::default() };
     Ok(plan_to_discriminate(robot, cell, &options, &question, count, task)?)
+}
+
+/// What they would decide, as JSON.
+#[must_use]
+pub fn json_of(undecided: &Undecided<'_>, next: &Next) -> Value {
+    json!({
+        "effect": undecided.finding.effect,
+        "site": undecided.finding.site,
+        "explanations": undecided.names,
+        "lambda": next.lambda,
+        "random_lambda": next.random_lambda,
+    })
 }

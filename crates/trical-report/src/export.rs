@@ -4,13 +4,34 @@ use std::path::Path;
 
 use rand::{RngExt, SeedableRng};
 use serde_json::json;
-use trical_ident::unit;
+use trical_ident::{ErrorSummary, unit};
+use trical_model::calibrated::{corrected_file, ur_kinematics};
 use trical_model::pose::angles_zyx;
 use trical_model::robot::tidy;
-use trical_model::{Forward, Joint, JointKind, Model, Pose, Rigid, Robot, State, urdf};
+use trical_model::urdf::{self, UrdfPath};
+use trical_model::{Forward, Joint, JointKind, Model, Pose, Rigid, Robot, State};
 
 use crate::error::{Error, Result};
+use crate::error_map::ErrorMap;
 use crate::table::csv;
+
+/// Where an arm is written for other programs.
+#[derive(Clone, Copy, Debug)]
+pub struct Outputs<'a> {
+    /// A URDF.
+    pub urdf: Option<&'a Path>,
+    /// The kinematics of an arm of Universal Robots for its ROS driver.
+    pub ur_kinematics: Option<&'a Path>,
+    /// The table of modified Denavit-Hartenberg parameters.
+    pub mdh: Option<&'a Path>,
+    /// How far the arm misses all over its workspace.
+    pub error_map: Option<&'a Path>,
+    /// Poses of that.
+    pub poses: usize,
+}
+
+/// Files and what is to stand in them.
+pub type Texts<'a> = Vec<(&'a Path, String)>;
 
 /// What an exported arm cannot say, in numbers.
 struct LeftOut {
@@ -80,6 +101,36 @@ impl Export {
         let rigid = model.rigid()?;
         let left_out = LeftOut::of(model, &rigid)?;
         Ok(Self { model: model.clone(), rigid, left_out })
+    }
+
+    /// The texts of all files, and of an error map how large the errors are. A URDF is the `given` one, corrected, where there is one; `source` is what
+    /// the model is called, and `hash` what the driver of Universal Robots is to call it.
+    ///
+    /// # Errors
+    /// A model that the files cannot say.
+    pub fn texts<'a>(
+        &self,
+        to: &Outputs<'a>,
+        given: Option<&UrdfPath>,
+        (source, hash): (&str, &str),
+    ) -> Result<(Texts<'a>, Option<ErrorSummary>)> {
+        let (model, mut texts, mut errors) = (&self.model, Vec::new(), None);
+        if let Some(out) = to.urdf {
+            let own = || Ok(self.urdf(source));
+            texts.push((out, given.map_or_else(own, |given| corrected_file(given, model))?));
+        }
+        if let Some(out) = to.ur_kinematics {
+            texts.push((out, ur_kinematics(model, hash)?));
+        }
+        if let Some(out) = to.mdh {
+            texts.push((out, self.table(out)?));
+        }
+        if let Some(out) = to.error_map {
+            let map = ErrorMap::of(model, to.poses)?;
+            texts.push((out, map.csv()));
+            errors = Some(map.summary());
+        }
+        Ok((texts, errors))
     }
 
     /// The text of a URDF: base, links and tool; `source` is the model's name.
@@ -172,9 +223,10 @@ impl Export {
 
     /// What was written and what was left out, as JSON.
     #[must_use]
-    pub fn json(&self, written: &[String]) -> serde_json::Value {
+    pub fn json(&self, written: &[String], errors: Option<&ErrorSummary>) -> serde_json::Value {
         json!({
             "written": written,
+            "error_map": errors,
             "robot": self.rigid.robot.name,
             "left_out": self.left_out.names,
             "left_out_rms_mm": self.left_out.rms_mm,
@@ -250,7 +302,7 @@ mod tests {
         let mut model = arm();
         let swing = Basis::new(Variable::Joint { joint: 1 }, Shape::Sine { cycles: 1.0 });
         model.terms.push(term("swing", Site::Tool(Motion::Along(Axis::X)), swing, 2e-3));
-        let told = Export::of(&model).unwrap().json(&[]);
+        let told = Export::of(&model).unwrap().json(&[], None);
         let a = model.robot.joints[0].limits[1];
         let rms = 2.0 * (0.5 - (2.0 * a).sin() / (4.0 * a)).sqrt();
         assert!((told["left_out_rms_mm"].as_f64().unwrap() - rms).abs() < 0.03 * rms, "{told} {rms}");
@@ -260,7 +312,9 @@ mod tests {
             "{told}"
         );
         let rigid = Export::of(&arm()).unwrap();
-        assert!(rigid.sentences()[0].starts_with("Nothing is left out") && rigid.json(&[])["left_out_max_mm"] == 0.0);
+        assert!(
+            rigid.sentences()[0].starts_with("Nothing is left out") && rigid.json(&[], None)["left_out_max_mm"] == 0.0
+        );
     }
 
     #[test]

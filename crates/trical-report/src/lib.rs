@@ -48,5 +48,5 @@ pub mod verdict_told;
 
 pub use error::{Error, Result};
 pub use error_map::ErrorMap;
-pub use export::Export;
+pub use export::{Export, Outputs};
 pub use page::Made;

@@ -11,7 +11,7 @@ use trical_report::table;
 use super::wrote;
 use crate::error::{CliError, Result};
 use crate::input::{self, Joints};
-use crate::{say, say_lines};
+use crate::{say, say_wrapped};
 
 /// Arguments of `trical compare`.
 #[derive(clap::Args)]
@@ -95,9 +95,9 @@ fn print(c: &Comparison) -> Result<()> {
     let measured = table::counted(c.measurements, "measurement");
     say(format!("{}: {measured}, mean error {:.3} mm by the old model", c.recording, c.mean_mm))?;
     if let Some(rejected) = rejected_in_words(&c.rejected) {
-        say_lines(table::wrapped(&format!("{rejected}."), 108, "  "))?;
+        say_wrapped(&format!("{rejected}."), "  ")?;
     }
-    say_lines(table::wrapped(&c.summary, 108, "  "))?;
+    say_wrapped(&c.summary, "  ")?;
     let (mut seen, mut unseen): (Vec<String>, Vec<String>) = (Vec::new(), Vec::new());
     for (k, v) in c.visible.iter().enumerate() {
         // a tool is moved, or turned
@@ -123,7 +123,7 @@ fn print(c: &Comparison) -> Result<()> {
             unseen.join(" or ")
         ));
     }
-    say_lines(table::wrapped(&lines.join(" "), 108, "  "))
+    say_wrapped(&lines.join(" "), "  ")
 }
 
 /// One row for each session and parameter, with a header line.

@@ -9,7 +9,7 @@ use trical_report::table;
 
 use crate::error::{CliError, Result};
 use crate::input::{self, RobotAndCell, as_option};
-use crate::{say, say_lines};
+use crate::{say, say_json, say_lines, say_wrapped};
 
 /// Arguments of `trical compensate`.
 #[derive(clap::Args)]
@@ -175,13 +175,13 @@ fn tell(args: &Args, job: &Job<'_>, report: &Report) -> Result<()> {
     let mm = |x: f64| x * 1e3;
     if args.json {
         let dialect = job.dialect().map_err(failed(None))?;
-        return say(serde_json::to_string_pretty(&report.json(dialect))?);
+        return say_json(&report.json(dialect));
     }
     if args.check {
         say_lines(table::lines(&target_rows(report)))?;
     }
     for caution in &report.cautions {
-        say_lines(table::wrapped(&format!("Caution: {caution}"), 108, ""))?;
+        say_wrapped(&format!("Caution: {caution}"), "")?;
     }
     let words = if args.check { "would be rewritten" } else { "rewritten" };
     let s = if report.rewritten == 1 { "" } else { "s" };

@@ -14,7 +14,7 @@ use trical_recording::{open_damaged, to_csv};
 use trical_report::table;
 
 use crate::error::{CliError, Result};
-use crate::{input, say};
+use crate::{input, say, say_json};
 
 /// Arguments of `trical convert`.
 #[derive(clap::Args)]
@@ -77,8 +77,9 @@ pub fn run(args: &Args) -> Result<()> {
         }
     }
     if args.json {
-        let value = json!({ "rows": recording.rows.len(), "joints": recording.joints, "lost": lost, "out": output });
-        return say(serde_json::to_string_pretty(&value)?);
+        return say_json(
+            &json!({ "rows": recording.rows.len(), "joints": recording.joints, "lost": lost, "out": output }),
+        );
     }
     let rows = recording.rows.len();
     say(format!("{} written to {}", table::counted(rows, "row"), output.display()))
@@ -98,7 +99,7 @@ fn by_maker(args: &Args, output: &Path) -> Result<()> {
     let robot = calibrated_by_maker(&nominal, &read_text(&args.input)?, &conf.to_string())?;
     write_whole(output, format!("# {} as its maker measured it: {conf}\n{}", robot.name, robot.to_toml()).as_bytes())?;
     if args.json {
-        return say(serde_json::to_string_pretty(&json!({ "joints": robot.dof(), "out": output }))?);
+        return say_json(&json!({ "joints": robot.dof(), "out": output }));
     }
     say(format!("{} as its maker measured it, written to {}", robot.name, output.display()))
 }
@@ -111,8 +112,7 @@ fn arm(source: &UrdfPath, output: &Path, as_json: bool) -> Result<()> {
     }
     write_whole(output, arm.to_toml(&source.path).as_bytes())?;
     if as_json {
-        let value = json!({ "joints": arm.robot.joint_names, "root": arm.root, "tip": arm.tip, "out": output });
-        return say(serde_json::to_string_pretty(&value)?);
+        return say_json(&json!({ "joints": arm.robot.joint_names, "root": arm.root, "tip": arm.tip, "out": output }));
     }
     say(format!(
         "{} joints, from link {} to link {}, written to {}",

@@ -2,16 +2,15 @@
 
 use std::path::PathBuf;
 
-use serde_json::json;
 use trical_diagnose::{Diagnosis, Options, Undecided, diagnose_recordings};
 use trical_ident::{JointSource, KnownParameters, write_whole};
 use trical_plan::{Next, write_plan};
-use trical_report::deciding::plan_next;
+use trical_report::deciding::{self, plan_next};
 use trical_report::{diagnosis_report, table, verdict_told};
 
 use crate::error::{CliError, Result};
 use crate::input::{self, Joints, RobotAndCell, Tool};
-use crate::{progress, say, say_lines};
+use crate::{LINE, progress, say, say_json, say_lines};
 
 /// Touches that set explanations apart by less than this many standard deviations decide nothing.
 const TELLING: f64 = 1.0;
@@ -97,7 +96,7 @@ pub fn run(args: &Args) -> Result<()> {
         if args.next.is_some() {
             value["next"] = next.as_ref().map_or(serde_json::Value::Null, |(u, n)| next_json(args, u, n));
         }
-        return say(serde_json::to_string_pretty(&value)?);
+        return say_json(&value);
     }
     say_lines(lines(args, &diagnosis))?;
     if args.joints == Joints::Auto {
@@ -120,15 +119,10 @@ fn source_words(source: JointSource) -> &'static str {
 }
 
 fn next_json(args: &Args, undecided: &Undecided<'_>, next: &Next) -> serde_json::Value {
-    json!({
-        "effect": undecided.finding.effect,
-        "site": undecided.finding.site,
-        "explanations": undecided.names,
-        "touches": next.entries.len(),
-        "lambda": next.lambda,
-        "random_lambda": next.random_lambda,
-        "file": (next.lambda >= TELLING).then(|| args.next_out.display().to_string()),
-    })
+    let mut value = deciding::json_of(undecided, next);
+    value["touches"] = next.entries.len().into();
+    value["file"] = (next.lambda >= TELLING).then(|| args.next_out.display().to_string()).into();
+    value
 }
 
 fn next_lines(args: &Args, next: Option<&(Undecided<'_>, Next)>) -> Vec<String> {
@@ -143,7 +137,7 @@ fn next_lines(args: &Args, next: Option<&(Undecided<'_>, Next)>) -> Vec<String> 
             undecided.names.join(", or "),
             next.lambda
         );
-        return table::wrapped(&text, 108, "");
+        return table::wrapped(&text, LINE, "");
     }
     let text = format!(
         "{} touches in {} would decide whether it is {}: the predictions of any two differ by at least {:.1} standard deviations (as many \
@@ -155,7 +149,7 @@ fn next_lines(args: &Args, next: Option<&(Undecided<'_>, Next)>) -> Vec<String> 
         next.random_lambda,
         if next.lambda < 3.0 { little(next) } else { String::new() }
     );
-    table::wrapped(&text, 108, "")
+    table::wrapped(&text, LINE, "")
 }
 
 /// Touches that hardly decide: how many would, each telling as much as these.
@@ -166,8 +160,8 @@ fn little(next: &Next) -> String {
 
 /// The verdict; where more stands; what makes it less sure.
 fn lines(args: &Args, d: &Diagnosis) -> Vec<String> {
-    let caution = |c: &String| table::wrapped(&format!("Caution: {c}"), 108, "");
-    let note = |n: &String| table::wrapped(&format!("Note: {n}"), 108, "");
+    let caution = |c: &String| table::wrapped(&format!("Caution: {c}"), LINE, "");
+    let note = |n: &String| table::wrapped(&format!("Note: {n}"), LINE, "");
     let mut out: Vec<String> = verdict_told::no_arm(d).iter().flat_map(caution).collect();
     out.extend(verdict_told::lines(d));
     let mut more = Vec::new();

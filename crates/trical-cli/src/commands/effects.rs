@@ -4,7 +4,7 @@ use trical_diagnose::effects::EFFECTS;
 use trical_report::table;
 
 use crate::error::Result;
-use crate::{say, say_lines};
+use crate::{say, say_json, say_lines};
 
 /// Arguments of `trical effects`.
 #[derive(clap::Args)]
@@ -17,7 +17,7 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     if args.json {
-        return say(serde_json::to_string_pretty(&EFFECTS)?);
+        return say_json(&EFFECTS);
     }
     for e in EFFECTS {
         say(format!("{}: {} (site: {})", e.id, e.title, e.site))?;

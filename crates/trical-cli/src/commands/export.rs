@@ -2,15 +2,13 @@
 
 use std::path::PathBuf;
 
-use serde_json::json;
 use trical_ident::{ModelFile, write_whole};
 use trical_model::Robot;
-use trical_model::calibrated::{corrected_file, ur_kinematics};
 use trical_model::urdf::UrdfPath;
-use trical_report::{ErrorMap, Export, table};
+use trical_report::{Export, Outputs, table};
 
 use crate::error::Result;
-use crate::{input, say, say_lines};
+use crate::{LINE, input, say, say_json, say_lines};
 
 /// Arguments of `trical export`.
 #[derive(clap::Args)]
@@ -58,36 +56,22 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let arm = Export::of(&file.model)?;
     let given = args.robot.as_deref().filter(|_| args.urdf.is_some()).and_then(UrdfPath::of);
+    let source = args.model.file_stem().unwrap_or_default().to_string_lossy();
+    let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
+    let hash = format!("calib_{}", source.chars().map(plain).collect::<String>());
+    let to = Outputs {
+        urdf: args.urdf.as_deref(),
+        ur_kinematics: args.ur_kinematics.as_deref(),
+        mdh: args.mdh.as_deref(),
+        error_map: args.error_map.as_deref(),
+        poses: args.poses as usize,
+    };
     // all of them, before the first is written
-    let mut outputs: Vec<(&PathBuf, String)> = Vec::new();
-    if let Some(out) = &args.urdf {
-        let text = match &given {
-            Some(given) => corrected_file(given, &file.model)?,
-            None => arm.urdf(&args.model.display().to_string()),
-        };
-        outputs.push((out, text));
-    }
-    if let Some(out) = &args.ur_kinematics {
-        let source = args.model.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
-        let hash = format!("calib_{}", source.chars().map(plain).collect::<String>());
-        outputs.push((out, ur_kinematics(&file.model, &hash)?));
-    }
-    if let Some(out) = &args.mdh {
-        outputs.push((out, arm.table(out)?));
-    }
-    let mut map = None;
-    if let Some(out) = &args.error_map {
-        let errors = ErrorMap::of(&file.model, args.poses as usize)?;
-        outputs.push((out, errors.csv()));
-        map = Some(errors.summary());
-    }
+    let (outputs, map) = arm.texts(&to, given.as_ref(), (&args.model.display().to_string(), &hash))?;
     outputs.iter().try_for_each(|(out, text)| write_whole(out, text.as_bytes()))?;
     let written: Vec<String> = outputs.iter().map(|(out, _)| out.display().to_string()).collect();
     if args.json {
-        let mut summary = arm.json(&written);
-        summary["error_map"] = json!(map);
-        return say(serde_json::to_string_pretty(&summary)?);
+        return say_json(&arm.json(&written, map.as_ref()));
     }
     say(format!("Wrote {}", written.join(" and ")))?;
     if let Some(e) = map {
@@ -105,6 +89,6 @@ pub fn run(args: &Args) -> Result<()> {
         )?;
     }
     say_lines(arm.sentences())?;
-    say_lines(arm.tool_sentence().filter(|_| given.is_some()).iter().flat_map(|t| table::wrapped(t, 108, "")))?;
+    say_lines(arm.tool_sentence().filter(|_| given.is_some()).iter().flat_map(|t| table::wrapped(t, LINE, "")))?;
     Ok(())
 }

@@ -11,7 +11,7 @@ use trical_device::{Gauge, GaugeError, open_gauge};
 use trical_report::table;
 
 use crate::error::{CliError, Result};
-use crate::{interrupt, say, say_lines};
+use crate::{interrupt, say, say_json, say_lines};
 
 /// Arguments of `trical gauge`.
 #[derive(clap::Args)]
@@ -122,7 +122,7 @@ fn list(as_json: bool) -> Result<()> {
     let ports = list_ports().map_err(CliError::failed)?;
     if as_json {
         let ports: Vec<_> = ports.iter().map(|p| json!({ "port": p.path, "device": p.device, "url": p.url })).collect();
-        return say(serde_json::to_string_pretty(&json!({ "ports": ports }))?);
+        return say_json(&json!({ "ports": ports }));
     }
     if ports.is_empty() {
         say(
@@ -233,9 +233,8 @@ fn test(gauge: &mut dyn Gauge, count: u64, stems: Option<Duration>, as_json: boo
                         "step_mm": x.step.map(|s| s * 1e3) })
             })
             .collect();
-        let value = json!({ "gauge": gauge.name(), "says": about, "readings": count, "seconds_each": each,
-                            "axes": axes, "stems_mm": answered, "warnings": warnings });
-        say(serde_json::to_string_pretty(&value)?)?;
+        say_json(&json!({ "gauge": gauge.name(), "says": about, "readings": count, "seconds_each": each,
+                            "axes": axes, "stems_mm": answered, "warnings": warnings }))?;
     }
     Ok(())
 }
@@ -251,8 +250,7 @@ fn zero(link: &Link, as_json: bool) -> Result<()> {
     }
     let (zero, url) = (mastered.zero, mastered.url);
     if as_json {
-        let value = json!({ "zero_mm": zero.map(|v| v * 1e3), "gauge": url, "warnings": mastered.warnings });
-        return say(serde_json::to_string_pretty(&value)?);
+        return say_json(&json!({ "zero_mm": zero.map(|v| v * 1e3), "gauge": url, "warnings": mastered.warnings }));
     }
     say(format!("On the calibrator the gauge shows {}. From now on use", shown(&zero)))?;
     say(format!("--gauge '{url}'"))

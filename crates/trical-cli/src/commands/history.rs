@@ -8,7 +8,7 @@ use trical_report::{history_report, table};
 use super::compare::Asked;
 use crate::error::{CliError, Result};
 use crate::input;
-use crate::{say, say_lines};
+use crate::{say, say_lines, say_wrapped};
 
 /// Arguments of `trical history`.
 #[derive(clap::Args)]
@@ -68,9 +68,9 @@ fn print(h: &History) -> Result<()> {
         )?;
     }
     for told in history_report::told(h) {
-        say_lines(table::wrapped(&told, 108, "  "))?;
+        say_wrapped(&told, "  ")?;
     }
-    say_lines(table::wrapped(&h.due, 108, ""))
+    say_wrapped(&h.due, "")
 }
 
 /// A name in parts that compare as people count: run_2 before run_10.

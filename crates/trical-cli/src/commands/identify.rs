@@ -14,7 +14,7 @@ use trical_report::{certificate, identify_report, table};
 use crate::error::{CliError, Result};
 use crate::input::{self, Joints, RobotAndCell, Tool};
 use crate::progress;
-use crate::{say, say_lines};
+use crate::{say, say_json, say_lines, say_wrapped};
 
 /// Which parameters to identify.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -130,7 +130,7 @@ pub fn run(args: &Args) -> Result<()> {
         write_whole(path, certificate::of_calibration(&found, &input::made(&files))?.as_bytes())?;
     }
     if args.json {
-        return say(serde_json::to_string_pretty(&found)?);
+        return say_json(&found);
     }
     print(args, &found)
 }
@@ -167,7 +167,7 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
         say(format!("  {session}"))?;
     }
     for load in &found.loads {
-        say_lines(table::wrapped(&load.in_words(), 108, "  "))?;
+        say_wrapped(&load.in_words(), "  ")?;
     }
     let angles = match data.joints {
         JointSource::Read => "the joint angles that the controller reported",
@@ -185,7 +185,7 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
     }
     say_lines(by_place_lines(found))?;
     for caution in found.cautions() {
-        say_lines(table::wrapped(&format!("Caution: {}", table::ended(&caution)), 108, ""))?;
+        say_wrapped(&format!("Caution: {}", table::ended(&caution)), "")?;
     }
     say("")?;
     say_lines(table::lines(&error_rows(found)))?;

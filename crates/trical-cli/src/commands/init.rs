@@ -6,7 +6,7 @@ use trical_ident::write_whole;
 
 use crate::error::{CliError, Result};
 use crate::input::make_folder;
-use crate::{say, say_lines};
+use crate::{say, say_json, say_lines};
 
 /// What is written: name, text, what it is.
 const FILES: [(&str, &str, &str); 3] = [
@@ -58,7 +58,7 @@ pub fn written(folder: &Path, files: &[(&str, &str, &str)], json: bool) -> Resul
     }
     if json {
         let written: Vec<String> = paths.iter().map(|p| p.display().to_string()).collect();
-        return say(serde_json::to_string_pretty(&serde_json::json!({ "written": written }))?);
+        return say_json(&serde_json::json!({ "written": written }));
     }
     for (path, (_, _, what)) in paths.iter().zip(files) {
         say(format!("{}: {what}", path.display()))?;

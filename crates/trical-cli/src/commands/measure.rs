@@ -13,7 +13,7 @@ use crate::commands::{guided, plan};
 use crate::error::{CliError, Result};
 use crate::input::{self, RobotAndCell};
 use crate::measure_view::{View, done, perform};
-use crate::{interrupt, say, say_lines};
+use crate::{interrupt, say, say_json, say_lines};
 
 /// Arguments of `trical measure`.
 #[derive(clap::Args)]
@@ -191,11 +191,10 @@ pub fn run(args: &Args) -> Result<()> {
     let report = report?;
     let refused = report.steps.iter().find(|step| step.contains("REFUSED"));
     if args.json {
-        let value = json!({
+        say_json(&json!({
             "measured": report.measured, "skipped": report.skipped, "corrections": report.corrections,
             "warnings": warnings, "steps": report.steps,
-        });
-        say(serde_json::to_string_pretty(&value)?)?;
+        }))?;
     } else if args.go {
         say(done(&report, &args.out))?;
     } else {

@@ -8,7 +8,7 @@ use serde_json::json;
 use trical_device::PlanEntry;
 use trical_ident::{model_of_touches, usual_set, write_whole};
 
-use trical_model::{Cell, Model, Robot};
+use trical_model::{Cell, Joints, Model, Robot};
 use trical_plan::{
     CollisionModel, Criterion, Facing, PlanError, PlanOptions, Sphere, ValidationOptions, plan_touches,
     poses_in_sphere, poses_in_workspace, read_plan, usual_start, write_plan,
@@ -20,7 +20,7 @@ use trical_report::table;
 
 use crate::error::{CliError, Result};
 use crate::input::{self, RobotAndCell};
-use crate::{progress, say, say_lines};
+use crate::{LINE, progress, say, say_json, say_lines, say_wrapped};
 
 /// Touches a ball, candidates a ball, poses: no more than this many.
 const MOST: usize = 1000;
@@ -220,11 +220,7 @@ pub fn run(args: &Args) -> Result<()> {
             return Err(CliError::Input("--out is missing: where to write the plan".into()));
         }
         let worth = worth()?;
-        return if args.json {
-            say(serde_json::to_string_pretty(&json!({ "places": worth }))?)
-        } else {
-            say_lines(worth_lines(args, &worth))
-        };
+        return if args.json { say_json(&json!({ "places": worth })) } else { say_lines(worth_lines(args, &worth)) };
     };
     if let Some(count) = args.points {
         if args.report.is_some() {
@@ -260,13 +256,13 @@ pub fn run(args: &Args) -> Result<()> {
         if few {
             value["places"] = serde_json::to_value(&worth)?;
         }
-        return say(serde_json::to_string_pretty(&value)?);
+        return say_json(&value);
     }
     say_lines(told.lines())?;
     if few {
         let said = "Caution: with fewer than three balls identify takes where they stand as unknown at every place, and this plan as known: what is \
                     expected above is too good, and holds in the end for three or more places, each with a plan of its own.";
-        say_lines(table::wrapped(said, 108, ""))?;
+        say_wrapped(said, "")?;
         say_lines(worth_lines(args, &worth))?;
     }
     let files: Vec<String> =
@@ -284,7 +280,7 @@ fn worth_lines(args: &Args, worth: &[Worth]) -> Vec<String> {
     );
     let mut rows = vec![["places", "touches", "mean error left, mm"].map(String::from).to_vec()];
     rows.extend(worth.iter().map(|w| vec![w.places.to_string(), w.touches.to_string(), format!("{:.3}", w.mean_mm)]));
-    table::wrapped(&said, 108, "").into_iter().chain(table::lines(&rows)).collect()
+    table::wrapped(&said, LINE, "").into_iter().chain(table::lines(&rows)).collect()
 }
 
 /// Poses for another instrument.
@@ -296,21 +292,18 @@ fn points(args: &Args, out: &Path, robot: &Robot, cell: &Cell, count: usize) -> 
         Some(s) => poses_in_sphere(&model, &s.centre, s.radius, count, &options)?,
         None => poses_in_workspace(&model, count, &options)?,
     };
-    let mut text = String::from("order");
-    for (k, joint) in robot.joints.iter().enumerate() {
-        text += &format!(",q{}_{}", k + 1, joint.kind.unit().1);
-    }
-    for (k, q) in poses.iter().enumerate() {
-        text += &format!("\n{k}");
-        for (joint, x) in robot.joints.iter().zip(q) {
-            text += &format!(",{:.6}", x * joint.kind.unit().0);
-        }
-    }
-    text.push('\n');
+    let units = || robot.joints.iter().map(|joint| joint.kind.unit());
+    let names = units().enumerate().map(|(k, (_, unit))| format!("q{}_{unit}", k + 1));
+    let head = std::iter::once("order".to_owned()).chain(names).collect::<Vec<_>>();
+    let row = |(k, q): (usize, &Joints)| {
+        let values = q.iter().zip(units()).map(|(q, (factor, _))| format!("{:.6}", q * factor));
+        std::iter::once(k.to_string()).chain(values).collect()
+    };
+    let text = table::csv(std::iter::once(head).chain(poses.iter().enumerate().map(row)));
     write_whole(out, text.as_bytes())?;
     let place = if sphere.is_some() { "the sphere" } else { "the whole workspace" };
     if args.json {
-        return say(serde_json::to_string_pretty(&json!({ "points": poses.len(), "sphere": sphere.is_some() }))?);
+        return say_json(&json!({ "points": poses.len(), "sphere": sphere.is_some() }));
     }
     say(format!(
         "{} poses in {place}, in no particular order, free of collisions where they stand; ways between them were not checked",

@@ -15,7 +15,7 @@ use trical_recording::visits::{Visits, check_place};
 use trical_report::table;
 
 use crate::error::{CliError, Result};
-use crate::say;
+use crate::{say, say_json};
 
 /// Arguments of `trical record`.
 #[derive(clap::Args)]
@@ -182,7 +182,7 @@ pub fn run(args: &Args) -> Result<()> {
         last = Some((q, place.clone(), socket));
     }
     if args.json {
-        return say(serde_json::to_string_pretty(&json!({ "rows": taken, "out": args.out.display().to_string() }))?);
+        return say_json(&json!({ "rows": taken, "out": args.out.display().to_string() }));
     }
     say(format!("{} added to {}", table::counted(taken, "row"), args.out.display()))
 }

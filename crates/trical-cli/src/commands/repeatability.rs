@@ -9,7 +9,7 @@ use trical_recording::{is_mcap, load_csv, open_damaged, read_recording, refuse_o
 use trical_report::table;
 
 use crate::error::{CliError, Result};
-use crate::say;
+use crate::{say, say_json};
 
 /// Arguments of `trical repeatability`.
 #[derive(clap::Args)]
@@ -51,7 +51,7 @@ pub fn run(args: &Args) -> Result<()> {
         all.push(repeatability(&recording, robot, cell, args.same_deg)?);
     }
     if args.json {
-        return say(serde_json::to_string_pretty(&serde_json::json!({ "recordings": all }))?);
+        return say_json(&serde_json::json!({ "recordings": all }));
     }
     all.iter().try_for_each(|told| lines(told).iter().try_for_each(say))
 }

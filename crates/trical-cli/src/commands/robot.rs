@@ -12,7 +12,7 @@ use trical_device::{Controller, open_controller};
 use trical_model::{Cell, Joints, Robot};
 
 use crate::error::{CliError, Result};
-use crate::{interrupt, say};
+use crate::{interrupt, say, say_json};
 
 /// Arguments of `trical robot`.
 #[derive(clap::Args)]
@@ -99,9 +99,8 @@ fn ping(link: &Link) -> Result<()> {
     let mut controller = link.open()?;
     let answer = trial::ping(controller.as_mut()).map_err(CliError::failed)?;
     if link.json {
-        let value = json!({ "controller": controller.name(), "joints": controller.joint_count(),
-                            "answers_in_s": answer.answers_in, "clock_s": answer.clock, "temp_c": answer.temp_c });
-        return say(serde_json::to_string_pretty(&value)?);
+        return say_json(&json!({ "controller": controller.name(), "joints": controller.joint_count(),
+                            "answers_in_s": answer.answers_in, "clock_s": answer.clock, "temp_c": answer.temp_c }));
     }
     say(format!(
         "{} answers in {:.1} ms: {} joints, its clock shows {:.3} s, {}",
@@ -119,7 +118,7 @@ fn joints(link: &Link) -> Result<()> {
     let q = wait_settled(controller.as_mut(), &settle, &AtomicBool::new(false)).map_err(CliError::failed)?;
     let degrees = in_degrees(&q, controller.joint_count(), None);
     if link.json {
-        return say(serde_json::to_string_pretty(&json!({ "joints_deg": degrees }))?);
+        return say_json(&json!({ "joints_deg": degrees }));
     }
     say(listed(&degrees))
 }
@@ -189,8 +188,7 @@ fn move_a_little(jog: &Jog) -> Result<()> {
     );
     if !jog.go {
         if jog.link.json {
-            let value = json!({ "moved": false, "would": would, "joints_deg": in_degrees(&from, count, robot) });
-            return say(serde_json::to_string_pretty(&value)?);
+            return say_json(&json!({ "moved": false, "would": would, "joints_deg": in_degrees(&from, count, robot) }));
         }
         say(format!("Now at {} {unit}.", listed(&in_degrees(&from, count, robot))))?;
         say(format!("Would move {would}, at {} mm/s.", jog.speed_mm_s))?;
@@ -200,7 +198,7 @@ fn move_a_little(jog: &Jog) -> Result<()> {
     let at = wait_settled(controller.as_mut(), &settle, &AtomicBool::new(false)).map_err(CliError::failed)?;
     let degrees = in_degrees(&at, count, robot);
     if jog.link.json {
-        return say(serde_json::to_string_pretty(&json!({ "moved": true, "joints_deg": degrees }))?);
+        return say_json(&json!({ "moved": true, "joints_deg": degrees }));
     }
     say(format!("Now at {} {unit}.", listed(&degrees)))
 }

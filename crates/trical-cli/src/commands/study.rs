@@ -10,7 +10,7 @@ use trical_report::table;
 use crate::commands::plan::Best;
 use crate::error::{CliError, Result};
 use crate::input::{RobotAndCell, as_option, made, make_folder};
-use crate::{progress, say, say_lines};
+use crate::{LINE, progress, say, say_json, say_lines};
 
 /// Arguments of `trical study`.
 #[derive(clap::Args)]
@@ -167,10 +167,10 @@ impl Common {
         write_whole(&self.out.join("study.svg"), done.svg.as_bytes())?;
         write_whole(&self.out.join("study.html"), done.html(&made(&self.cell.files()))?.as_bytes())?;
         if self.json {
-            return say(serde_json::to_string_pretty(&done.json)?);
+            return say_json(&done.json);
         }
         say_lines(table::lines(&done.table))?;
-        say_lines(std::iter::once(&done.verdict).chain(&done.notes).flat_map(|t| table::wrapped(t, 108, "")))?;
+        say_lines(std::iter::once(&done.verdict).chain(&done.notes).flat_map(|t| table::wrapped(t, LINE, "")))?;
         say(format!("Wrote study.csv, study.svg and study.html to {}", self.out.display()))
     }
 }

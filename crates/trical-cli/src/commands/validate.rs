@@ -8,7 +8,7 @@ use trical_report::{certificate, table, validate_report};
 
 use crate::error::{CliError, Result};
 use crate::input::{self, Joints, RobotAndCell};
-use crate::{say, say_lines};
+use crate::{say, say_json, say_lines, say_wrapped};
 
 /// Arguments of `trical validate`.
 #[derive(clap::Args)]
@@ -58,7 +58,7 @@ pub fn run(args: &Args) -> Result<()> {
         write_whole(path, certificate::of_validation(&v, &input::made(&files))?.as_bytes())?;
     }
     if args.json {
-        return say(serde_json::to_string_pretty(&v)?);
+        return say_json(&v);
     }
     let rejected = match v.rejected.len() {
         0 => "no row rejected".to_owned(),
@@ -72,7 +72,7 @@ pub fn run(args: &Args) -> Result<()> {
     for line in
         v.left_out_in_words(trical_diagnose::verdict::title_of).into_iter().chain(v.beyond_in_words()).chain(predicted)
     {
-        say_lines(table::wrapped(&line, 108, "  "))?;
+        say_wrapped(&line, "  ")?;
     }
     let mut rows = vec![["position error, mm", "n", "mean", "max", "sd", "median", "rms"].map(String::from).to_vec()];
     let mut add = |name: String, n: usize, e: &ErrorSummary| {
@@ -90,7 +90,7 @@ pub fn run(args: &Args) -> Result<()> {
     }
     say_lines(table::lines(&rows))?;
     for caution in validate_report::cautions(&v) {
-        say_lines(table::wrapped(&format!("Caution: {caution}"), 108, ""))?;
+        say_wrapped(&format!("Caution: {caution}"), "")?;
     }
     super::wrote([&args.report, &args.certificate])
 }

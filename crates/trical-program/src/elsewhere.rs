@@ -82,6 +82,12 @@ pub trait Elsewhere {
 /// No other file.
 pub struct Nowhere;
 
+impl Default for &dyn Elsewhere {
+    fn default() -> Self {
+        &Nowhere
+    }
+}
+
 impl Elsewhere for Nowhere {
     fn routine(&self, _: &str) -> Option<Outside> {
         None

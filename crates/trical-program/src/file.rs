@@ -90,18 +90,17 @@ impl Job<'_> {
         let (bytes, ends) = read_all(&files, &names)?;
         let outs = self.outputs(&files)?;
         let mut halves = Vec::new();
-        let mut sinks: Vec<Box<dyn Sink>> = Vec::new();
+        let mut writers = Vec::new();
         for out in &outs {
             let (part, file) = Whole::of(out)?;
             halves.push(part);
-            sinks.push(Box::new(BufWriter::with_capacity(1 << 20, file)));
+            writers.push(BufWriter::with_capacity(1 << 20, file));
         }
-        sinks.resize_with(files.len(), || Box::new(std::io::sink()));
-        let parts = sinks
-            .iter_mut()
-            .zip(names.iter().zip(&ends))
-            .map(|(sink, (name, end))| Part { name, end: *end, sink: sink.as_write() })
-            .collect();
+        let mut nowhere: Vec<_> = files.iter().skip(outs.len()).map(|_| std::io::sink()).collect();
+        let sinks =
+            writers.iter_mut().map(|w| w as &mut dyn Write).chain(nowhere.iter_mut().map(|s| s as &mut dyn Write));
+        let parts =
+            sinks.zip(names.iter().zip(&ends)).map(|(sink, (name, end))| Part { name, end: *end, sink }).collect();
         let elsewhere: &dyn Elsewhere = match dialect {
             Dialect::Krl => &beside,
             Dialect::Rapid => &modules,
@@ -121,8 +120,9 @@ impl Job<'_> {
             return Ok(report);
         }
         left(&self.program.display().to_string(), &report, self.partial, options.spelling)?;
-        for sink in &mut sinks {
-            sink.end()?;
+        for mut writer in writers {
+            writer.flush()?;
+            writer.get_ref().sync_all()?;
         }
         for (part, out) in halves.into_iter().zip(&outs) {
             part.put()?;
@@ -159,34 +159,6 @@ fn read_all(files: &[PathBuf], names: &[String]) -> Result<(Vec<u8>, Vec<usize>)
         ends.push(bytes.len());
     }
     Ok((bytes, ends))
-}
-
-/// What a rewritten file goes to.
-trait Sink: Write {
-    fn as_write(&mut self) -> &mut dyn Write;
-    /// Everything is on the disk.
-    fn end(&mut self) -> std::io::Result<()>;
-}
-
-impl Sink for BufWriter<File> {
-    fn as_write(&mut self) -> &mut dyn Write {
-        self
-    }
-
-    fn end(&mut self) -> std::io::Result<()> {
-        self.flush()?;
-        self.get_ref().sync_all()
-    }
-}
-
-impl Sink for std::io::Sink {
-    fn as_write(&mut self) -> &mut dyn Write {
-        self
-    }
-
-    fn end(&mut self) -> std::io::Result<()> {
-        Ok(())
-    }
 }
 
 /// The files of a KRL program, declarations first.

@@ -116,6 +116,12 @@ pub fn named(known: &mut Named, name: String, new: Result<Frame, String>) -> Str
     name
 }
 
+/// Keeps what a program declares; of what it declares otherwise elsewhere nobody knows which holds, as `twice` says.
+pub fn declare(known: &mut Named, name: String, new: Result<Frame, String>, twice: &str) {
+    let differs = known.get(&name).is_some_and(|before| *before != new);
+    known.insert(name, if differs { Err(twice.to_owned()) } else { new });
+}
+
 /// Stands between the names of frames whose product is meant, each in the one before it.
 pub const TIMES: &str = " : ";
 

@@ -316,10 +316,21 @@ impl<'a> Tally<'a> {
         out
     }
 
-    fn problem(&mut self, spot: &Spot, what: String) -> Problem {
-        let name = String::from_utf8_lossy(spot.name.text(self.bytes)).into_owned();
-        let (file, line) = self.line(self.scan.at(spot));
-        Problem { file, line, name, what: self.with_lines(&what) }
+    fn problem_at(&mut self, at: usize, name: Span, what: String) -> Problem {
+        let name = String::from_utf8_lossy(name.text(self.bytes)).into_owned();
+        let (file, line) = self.line(at);
+        Problem { file, line, name, what }
+    }
+
+    fn problem(&mut self, spot: &Spot, what: &str) -> Problem {
+        let mut problem = self.problem_at(self.scan.at(spot), spot.name, String::new());
+        problem.what = self.with_lines(what);
+        problem
+    }
+
+    /// Where something of this name stands, in words.
+    fn place(&mut self, at: usize, name: Span) -> String {
+        self.problem_at(at, name, String::new()).place()
     }
 
     /// Loads that nobody has read, in one sentence.
@@ -369,8 +380,7 @@ impl<'a> Tally<'a> {
         let scan = self.scan;
         let says = |s: &Spot| s.setup.and_then(|k| scan.setups.get(k as usize)).is_some_and(|s| *s != Setup::default());
         let all: Vec<&Spot> = scan.spots.iter().filter(|s| !s.shape.is_joints() && !says(s)).collect();
-        let (file, line) = self.line(scan.at(all.first()?));
-        let first = Problem { file, line, name: String::new(), what: String::new() }.place();
+        let first = self.place(scan.at(all.first()?), Span::default());
         Some(format!(
             "nothing in the files read sets a tool or a base for {} of {} targets (the first in {first}): the cell's tool in the robot's base is taken \
              ({} and {} say others)",
@@ -399,9 +409,7 @@ impl<'a> Tally<'a> {
     fn stay(&mut self, all: &[(usize, Span)], why: impl Fn(usize) -> String) -> Option<String> {
         let mut places: Vec<String> = Vec::new();
         for (at, name) in all {
-            let (file, line) = self.line(*at);
-            let name = String::from_utf8_lossy(name.text(self.bytes)).into_owned();
-            let place = Problem { file, line, name, what: String::new() }.place();
+            let place = self.place(*at, *name);
             if places.last() != Some(&place) {
                 places.push(place);
             }
@@ -415,7 +423,7 @@ impl<'a> Tally<'a> {
         let done = match done {
             Ok(done) => done,
             Err(what) => {
-                let problem = self.problem(spot, what);
+                let problem = self.problem(spot, &what);
                 return self.report.problems.push(problem);
             }
         };
@@ -425,12 +433,12 @@ impl<'a> Tally<'a> {
         if let Some(joint) = self.options.visited.beyond(&done.joints) {
             self.report.beyond += 1;
             if self.report.first_beyond.len() < PLACES {
-                let problem = self.problem(spot, format!("joint {joint}"));
+                let problem = self.problem(spot, &format!("joint {joint}"));
                 self.report.first_beyond.push(problem);
             }
         }
         if self.options.details {
-            let Problem { file, line, name, .. } = self.problem(spot, String::new());
+            let Problem { file, line, name, .. } = self.problem(spot, "");
             self.report.rows.push(TargetRow {
                 file,
                 line,
@@ -482,8 +490,8 @@ impl<'a> Tally<'a> {
             ));
         }
         for (at, what) in &self.scan.problems {
-            let (file, line) = self.line(*at);
-            self.report.problems.push(Problem { file, line, name: String::new(), what: what.clone() });
+            let problem = self.problem_at(*at, Span::default(), what.clone());
+            self.report.problems.push(problem);
         }
         let unsaid = Setup::default();
         let said = |s: &Setup| {

@@ -112,7 +112,7 @@ pub fn contains(bytes: &[u8], word: &[u8]) -> bool {
 }
 
 /// A place in a program, and small steps from there.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Cursor<'a> {
     /// All of the file.
     pub bytes: &'a [u8],

@@ -5,7 +5,7 @@ use trical_model::Pose;
 
 use super::data::Aggregate;
 use super::{Reader, target_of};
-use crate::frames::{AT, Frame, Named, TIMES, named};
+use crate::frames::{AT, Frame, Named, TIMES, declare, named};
 use crate::scan::{Setup, changed_here, hashed};
 use crate::text::{Cursor, is_one_of, lower, mentions};
 
@@ -22,12 +22,8 @@ fn is_number(index: &str) -> bool {
     !index.is_empty() && index.bytes().all(|b| b.is_ascii_digit())
 }
 
-/// Keeps a frame; one that the program sets twice is known only while it runs.
-fn declare(known: &mut Named, name: String, new: Result<Frame, String>) {
-    let differs = known.get(&name).is_some_and(|before| *before != new);
-    let several = || Err("is set to different frames at several places of the program".into());
-    known.insert(name, if differs { several() } else { new });
-}
+/// What is wrong with a frame that the program sets to one and to another: it is known only while it runs.
+const SEVERAL: &str = "is set to different frames at several places of the program";
 
 /// Keeps a product of known frames under its name.
 fn product(known: &mut Named, parts: &str, name: String) {
@@ -362,7 +358,7 @@ impl Reader<'_> {
     /// Keeps a frame of the program under its name; it may be used as a tool too.
     pub(super) fn declare(&mut self, name: &str, frame: Result<Frame, String>) {
         for is_tool in [true, false] {
-            declare(self.scan.frames.of_mut(is_tool), name.to_owned(), frame.clone());
+            declare(self.scan.frames.of_mut(is_tool), name.to_owned(), frame.clone(), SEVERAL);
         }
     }
 
@@ -376,7 +372,7 @@ impl Reader<'_> {
         } else {
             frame
         };
-        declare(self.scan.frames.of_mut(is_tool), number, frame);
+        declare(self.scan.frames.of_mut(is_tool), number, frame, SEVERAL);
     }
 
     /// Tool and base of motion data.

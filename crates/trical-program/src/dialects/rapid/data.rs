@@ -1,9 +1,10 @@
 //! Data: targets in lists of any depth, and the names that they are given to; tools and work objects.
 
-use super::frames::{declare, tool, work_object};
+use super::frames::{tool, work_object};
 use super::parts::Piece;
 use super::reader::{Element, Reader};
 use crate::branch::Configuration;
+use crate::frames::declare;
 use crate::literal::Shape;
 use crate::names::Origin;
 use crate::reaching::Part;
@@ -281,6 +282,7 @@ impl Reader<'_> {
         let truth: Vec<bool> = words.iter().map(|w| w == "true").collect();
         let read = if is_tool { tool } else { work_object };
         let frame = read(&truth, &values, &name);
-        declare(self.scan.frames.of_mut(is_tool), name, frame);
+        let twice = format!("'{name}' is declared more than once, with different numbers");
+        declare(self.scan.frames.of_mut(is_tool), name, frame, &twice);
     }
 }

@@ -1,26 +1,11 @@
 //! RAPID's `tooldata` and `wobjdata`.
 
-use std::collections::btree_map::Entry;
-
 use nalgebra::Vector3;
 use trical_model::Pose;
 use trical_model::pose::rotation_from_quaternion;
 
-use crate::frames::{Frame, Frames, Named};
+use crate::frames::{Frame, Frames};
 use crate::scan::Setup;
-
-/// Keeps a tool or a work object; of one that has other numbers elsewhere under the same name nobody knows which hold.
-pub(super) fn declare(known: &mut Named, name: String, new: Result<Frame, String>) {
-    match known.entry(name) {
-        Entry::Vacant(place) => drop(place.insert(new)),
-        Entry::Occupied(mut place) => {
-            if *place.get() != new {
-                let why = format!("'{}' is declared more than once, with different numbers", place.key());
-                drop(place.insert(Err(why)));
-            }
-        }
-    }
-}
 
 /// Takes over a tool or a work object that a motion of another module is meant with, if that module declares it;
 /// what is another one here gets a name of its own.

@@ -12,6 +12,7 @@ use crate::scan::{Scan, hashed};
 use crate::text::{Cursor, Span, is_one_of, lower};
 
 /// A module, as far as it is read.
+#[derive(Default)]
 pub(super) struct Reader<'a> {
     pub(super) c: Cursor<'a>,
     pub(super) scan: Scan,
@@ -105,35 +106,15 @@ impl<'a> Reader<'a> {
         let (routines, functions) = routines(bytes);
         Self {
             c: Cursor::new(bytes, b'!'),
-            scan: Scan::default(),
             names: Names::in_text(b'!'),
             constants: Constants::with_degrees(),
-            name: Span::default(),
-            placeholders: false,
-            elements: Vec::new(),
-            conditions: 0,
             routines,
             functions,
-            locals: HashMap::new(),
             has_modules: has_modules(bytes),
-            module: String::new(),
-            of_module: HashMap::new(),
-            unset: HashSet::new(),
-            arrays: HashSet::new(),
-            tables: HashSet::new(),
             parts: parts(bytes),
-            used_parts: Vec::new(),
-            calls: Calls::default(),
             elsewhere,
-            lent: Vec::new(),
-            changed_elsewhere: HashMap::new(),
-            heads: HashMap::new(),
-            outside: HashMap::new(),
-            within: String::new(),
-            is_local: false,
             wanted: elsewhere.wanted().into_iter().collect(),
-            asked: HashMap::new(),
-            exports: None,
+            ..Self::default()
         }
     }
 }

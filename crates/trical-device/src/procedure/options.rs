@@ -5,9 +5,8 @@ use std::fmt;
 
 use trical_model::recording::Joints;
 
-use crate::controller::{ARRIVAL, JointSettle, StopCount};
+use crate::controller::{JointSettle, StopCount};
 use crate::gauge::Settle;
-use trical_recording::motion::MotionSense;
 
 /// Says whether the arm may move from the first joint values to the second, in joint interpolation; one sentence why not.
 /// On the way into and out of a touch the stems may meet its ball (counted from 0), elsewhere none.
@@ -29,22 +28,23 @@ pub struct ProcedureLimits {
     pub stroke: [f64; 2],
     /// Joint limits, joint 1 first; joints without an entry have none here.
     pub joints: Vec<(f64, f64)>,
-    /// How far a joint may stand from where it was sent.
-    pub arrival: f64,
-    /// How far a joint may move by one correction.
-    pub joint_change: f64,
     /// A reading that is longer than the one before the correction by this factor diverges.
     pub growth: f64,
-    /// A channel that shows the very same value after a correction of more than this along it is stale.
-    pub stale: f64,
-    /// How far the TCP goes aside along each axis, and back, where a channel showed the same after a smaller correction:
-    /// it has to follow before the touch is accepted. Long enough for a gap in a joint of 0.01 deg at 0.5 m.
-    pub confirm: f64,
-    /// How far the reading of a free stem may be from that at the first touch: a stem comes to rest at its own stop.
-    pub free_change: f64,
-    /// Largest speed of the TCP that is asked for, m/s: that of manual mode.
-    pub speed: f64,
 }
+
+/// How far a joint may move by one correction.
+pub(super) const JOINT_CHANGE: f64 = 5.0_f64.to_radians();
+/// A channel that shows the very same value after a correction of more than this along it is stale.
+pub(super) const STALE: f64 = 20e-6;
+/// How far the TCP goes aside along each axis, and back, where a channel showed the same after a smaller correction:
+/// it has to follow before the touch is accepted. Long enough for a gap in a joint of 0.01 deg at 0.5 m.
+pub(super) const CONFIRM: f64 = 0.2e-3;
+/// How far the reading of a free stem may be from that at the first touch: a stem comes to rest at its own stop.
+pub(super) const FREE_CHANGE: f64 = 0.2e-3;
+/// Largest speed of the TCP that is asked for, m/s: that of manual mode.
+pub(super) const FASTEST: f64 = 0.25;
+/// Speed of rotation, rad/s.
+pub(super) const ROTATION_SPEED: f64 = 20.0_f64.to_radians();
 
 impl Default for ProcedureLimits {
     fn default() -> Self {
@@ -54,13 +54,7 @@ impl Default for ProcedureLimits {
             iterations: 10,
             stroke: [-5.9e-3, 5.9e-3],
             joints: Vec::new(),
-            arrival: ARRIVAL,
-            joint_change: 5.0_f64.to_radians(),
             growth: 1.2,
-            stale: 20e-6,
-            confirm: 0.2e-3,
-            free_change: 0.2e-3,
-            speed: 0.25,
         }
     }
 }
@@ -93,8 +87,6 @@ pub struct ProcedureOptions<'a> {
     pub travel_speed: f64,
     /// Speed of the TCP from the approach point to the touch and back, and of corrections, m/s.
     pub touch_speed: f64,
-    /// Speed of rotation, rad/s.
-    pub rotation_speed: f64,
     /// Limits.
     pub limits: ProcedureLimits,
     /// How far the arm goes back after a touch.
@@ -116,13 +108,8 @@ pub struct ProcedureOptions<'a> {
     pub payload_kg: Option<f64>,
     /// Time of the recording when this run begins, s.
     pub begin_t: f64,
-    /// Motions smaller than this do not change the recorded sense of a joint's last motion; neither do those within the noise of the
-    /// joints, which is measured while the arm stands at the beginning.
-    pub dead_band: f64,
     /// What the free stems read at the first touch of an earlier run, m: the gauge's zero has to be the same.
     pub free: Option<[f64; 3]>,
-    /// Read the gauge at the approach point, and take a gauge that shows the same at the touch as stale.
-    pub check_release: bool,
     /// Asked before every joint motion (the collision model), from where the controller says that the arm is.
     pub guard: Option<MoveGuard<'a>>,
     /// With this the guard is asked for corrections too, and turns of joints are known before they are made.
@@ -141,7 +128,6 @@ impl Default for ProcedureOptions<'_> {
             joint_settle: None,
             travel_speed: 0.1,
             touch_speed: 0.01,
-            rotation_speed: 20.0_f64.to_radians(),
             limits: ProcedureLimits::default(),
             retreat: Retreat::Whole,
             tcp_in_flange: None,
@@ -152,9 +138,7 @@ impl Default for ProcedureOptions<'_> {
             temp_c: None,
             payload_kg: None,
             begin_t: 0.0,
-            dead_band: MotionSense::DEAD_BAND,
             free: None,
-            check_release: true,
             guard: None,
             corrected: None,
             stops: None,

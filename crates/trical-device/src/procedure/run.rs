@@ -8,11 +8,12 @@ use std::time::Instant;
 
 use trical_model::recording::{Joints, Measured, Row, State};
 
+use super::options::{CONFIRM, FREE_CHANGE, JOINT_CHANGE, ROTATION_SPEED};
 use super::steps::{check_finite, check_joints, check_plan, check_standing};
 use super::{
     PlanEntry, ProcedureError, ProcedureOptions, Progress, Retreat, RetreatOutcome, RunReport, Violation, dry_run,
 };
-use crate::controller::{Controller, ControllerError, largest_difference, wait_settled};
+use crate::controller::{ARRIVAL, Controller, ControllerError, largest_difference, wait_settled};
 use crate::gauge::{AXES, Gauge, settled_reading};
 use trical_recording::mcap::RunLog;
 use trical_recording::motion::{JointSample, MotionSense};
@@ -65,7 +66,7 @@ pub fn run(
         options,
         cancel,
         progress,
-        motion: MotionSense::new(options.dead_band),
+        motion: MotionSense::default(),
         clock_offset: 0.0,
         clock_shown: (f64::NAN, Instant::now()),
         clock_jumps: 0,
@@ -185,7 +186,8 @@ impl Runner<'_, '_> {
         self.note_joints()
     }
 
-    /// How much the joints of the arm differ from reading to reading while it stands: so much is no motion.
+    /// How much the joints of the arm differ from reading to reading while it stands: so much is no motion, and does not change the recorded sense of
+    /// a joint's last one.
     fn look_at_noise(&mut self) -> Result<(), Violation> {
         let (mut low, mut high) = (self.at, self.at);
         for _ in 0..NOISE_READINGS {
@@ -194,7 +196,7 @@ impl Runner<'_, '_> {
             }
         }
         let noise = (NOISE_FACTOR * largest_difference(&low, &high).1).min(MOST_NOISE);
-        self.motion = MotionSense::new(noise.max(self.options.dead_band));
+        self.motion = MotionSense::new(noise.max(MotionSense::DEAD_BAND));
         Ok(())
     }
 
@@ -204,7 +206,7 @@ impl Runner<'_, '_> {
         let nearest = plan.iter().min_by(|a, b| far(&a.joints).total_cmp(&far(&b.joints)));
         let Some((entry, before)) = nearest.and_then(|entry| Some((entry, entry.via.last()?))) else { return Ok(()) };
         let to_a_free_place = plan.iter().flat_map(|entry| &entry.via).map(&far).fold(f64::INFINITY, f64::min);
-        if far(&entry.joints) > self.options.limits.joint_change || to_a_free_place <= far(&entry.joints) {
+        if far(&entry.joints) > JOINT_CHANGE || to_a_free_place <= far(&entry.joints) {
             return Ok(());
         }
         self.warn(format!(
@@ -213,7 +215,7 @@ impl Runner<'_, '_> {
             entry.ball + 1
         ));
         check_joints(before, self.options)?;
-        self.controller.set_speed(self.options.touch_speed, self.options.rotation_speed)?;
+        self.controller.set_speed(self.options.touch_speed, ROTATION_SPEED)?;
         self.touching = Some(entry.ball);
         self.drive(before)?;
         self.touching = None;
@@ -249,21 +251,20 @@ impl Runner<'_, '_> {
     /// Steps (a) to (g): to the ball, read and correct, record.
     fn touch(&mut self, entry: &PlanEntry, total: usize) -> Result<(), Violation> {
         let options = self.options;
-        let limits = &options.limits;
-        self.controller.set_speed(options.travel_speed, options.rotation_speed)?;
+        self.controller.set_speed(options.travel_speed, ROTATION_SPEED)?;
         for q in &entry.via {
             self.go(q)?;
         }
         self.check_cancelled()?;
-        if options.check_release && !entry.via.is_empty() {
+        if !entry.via.is_empty() {
             self.check_free()?;
         }
-        self.controller.set_speed(options.touch_speed, options.rotation_speed)?;
+        self.controller.set_speed(options.touch_speed, ROTATION_SPEED)?;
         self.arrive(entry)?;
         (self.corrections, self.corrected) = (0, 0.0);
         let mut reading = self.read(entry)?;
         // with no way out of the touch, channels that have not followed a correction may be stuck, or repeat an old value
-        let mut follows = [!options.check_release || !entry.via.is_empty(); 3];
+        let mut follows = [!entry.via.is_empty(); 3];
         while norm(&reading) >= options.epsilon || follows.contains(&false) {
             if norm(&reading) < options.epsilon {
                 // a little aside along all axes: each channel has to follow, and the loop goes back
@@ -281,12 +282,12 @@ impl Runner<'_, '_> {
             let after = self.follow(entry, reading)?;
             for k in 0..3 {
                 // a step of `confirm` or more, of which a gap in a joint may have swallowed most
-                follows[k] |= reading[k].abs() >= limits.confirm && responds(reading[k], after[k], reading[k]);
+                follows[k] |= reading[k].abs() >= CONFIRM && responds(reading[k], after[k], reading[k]);
             }
             reading = after;
         }
         let row = self.measured(entry, reading)?;
-        if options.check_release && !entry.via.is_empty() {
+        if !entry.via.is_empty() {
             self.check_response(entry, &reading)?;
         }
         self.accept(row, total)
@@ -295,8 +296,7 @@ impl Runner<'_, '_> {
     /// At the approach point each stem has to read as one that touches nothing, and the same as at the first touch: its own stop.
     fn check_free(&mut self) -> Result<(), Violation> {
         let free = self.settled_reading()?;
-        let limits = &self.options.limits;
-        let [low, high] = limits.stroke;
+        let [low, high] = self.options.limits.stroke;
         if let Some(k) = (0..3).find(|k| (low..=high).contains(&free[*k])) {
             return Err(Violation::NotFree {
                 axis: AXES[k],
@@ -312,13 +312,13 @@ impl Runner<'_, '_> {
             let t = self.time()?;
             self.log.indicators(t, &free, true)?;
         }
-        match (0..3).find(|k| (free[*k] - first[*k]).abs() > limits.free_change) {
+        match (0..3).find(|k| (free[*k] - first[*k]).abs() > FREE_CHANGE) {
             None => Ok(()),
             Some(k) => Err(Violation::ZeroMoved {
                 axis: AXES[k],
                 first_mm: first[k] * 1e3,
                 reading_mm: free[k] * 1e3,
-                limit_mm: limits.free_change * 1e3,
+                limit_mm: FREE_CHANGE * 1e3,
             }),
         }
     }
@@ -475,7 +475,7 @@ impl Runner<'_, '_> {
         self.at = if self.retreating { self.settled_joints()? } else { self.controller.joints()? };
         check_finite(&self.at)?;
         let (joint, off) = largest_difference(&left, &self.at);
-        if off > self.options.limits.arrival && !self.retreating {
+        if off > ARRIVAL && !self.retreating {
             return Err(Violation::Elsewhere {
                 joint: joint + 1,
                 left_deg: left[joint].to_degrees(),
@@ -496,7 +496,7 @@ impl Runner<'_, '_> {
             noted?;
         }
         let (joint, off) = largest_difference(target, &self.at);
-        if off > self.options.limits.arrival || off.is_nan() {
+        if off > ARRIVAL || off.is_nan() {
             return Err(Violation::NotArrived {
                 joint: joint + 1,
                 sent_deg: target.get(joint).map_or(f64::NAN, |q| q.to_degrees()),
@@ -543,7 +543,7 @@ impl Runner<'_, '_> {
 
     /// Goes back along the trail until only so many of its points are left behind the arm.
     fn back_to(&mut self, keep: usize) -> Result<(), Violation> {
-        self.controller.set_speed(self.options.touch_speed, self.options.rotation_speed)?;
+        self.controller.set_speed(self.options.touch_speed, ROTATION_SPEED)?;
         while self.trail.len() > keep + 1 {
             self.trail.pop();
             let Some(target) = self.trail.last().copied() else { break };
@@ -553,7 +553,7 @@ impl Runner<'_, '_> {
                 driven => driven?,
             }
             self.touching = None;
-            self.controller.set_speed(self.options.travel_speed, self.options.rotation_speed)?;
+            self.controller.set_speed(self.options.travel_speed, ROTATION_SPEED)?;
         }
         Ok(())
     }

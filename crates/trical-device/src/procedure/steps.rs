@@ -2,6 +2,7 @@
 
 use trical_model::recording::Joints;
 
+use super::options::FASTEST;
 use super::{PlanEntry, ProcedureError, ProcedureOptions, Retreat, Violation};
 
 /// The steps of a plan, one sentence each; nothing moves.
@@ -131,10 +132,8 @@ pub(super) fn check_plan(plan: &[PlanEntry], options: &ProcedureOptions<'_>) -> 
         ("epsilon", options.epsilon),
         ("travel speed", options.travel_speed),
         ("touch speed", options.touch_speed),
-        ("rotation speed", options.rotation_speed),
         ("correction limit", options.limits.correction),
         ("limit of all corrections", options.limits.total_correction),
-        ("arrival tolerance", options.limits.arrival),
     ];
     for (name, value) in positive {
         if !(value > 0.0 && value.is_finite()) {
@@ -142,8 +141,8 @@ pub(super) fn check_plan(plan: &[PlanEntry], options: &ProcedureOptions<'_>) -> 
         }
     }
     for (name, value) in [("travel speed", options.travel_speed), ("touch speed", options.touch_speed)] {
-        if value > options.limits.speed {
-            let (value, limit) = (value * 1e3, options.limits.speed * 1e3);
+        if value > FASTEST {
+            let (value, limit) = (value * 1e3, FASTEST * 1e3);
             return Err(ProcedureError::Options(format!("{name} is {value:.0} mm/s, the limit is {limit:.0} mm/s")));
         }
     }

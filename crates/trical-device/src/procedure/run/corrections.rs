@@ -5,6 +5,7 @@ use trical_model::recording::Joints;
 use super::{Runner, is_same, norm, responds};
 use crate::controller::largest_difference;
 use crate::gauge::AXES;
+use crate::procedure::options::{CONFIRM, JOINT_CHANGE, STALE};
 use crate::procedure::steps::check_joints;
 use crate::procedure::{PlanEntry, Violation};
 
@@ -12,16 +13,15 @@ impl Runner<'_, '_> {
     /// A little aside along all axes, which every channel has to follow. A gap in a joint may swallow one step: then a longer
     /// one goes the same way before a transmitter is taken for dead.
     pub(super) fn aside(&mut self, entry: &PlanEntry, before: [f64; 3]) -> Result<[f64; 3], Violation> {
-        let confirm = self.options.limits.confirm;
         let mut moved = 0.0;
         loop {
-            let step = if moved == 0.0 { confirm } else { 2.0 * confirm };
+            let step = if moved == 0.0 { CONFIRM } else { 2.0 * CONFIRM };
             moved += step;
             self.correct([step; 3])?;
             let after = self.read(entry)?;
-            match (0..3).find(|k| !responds(before[*k], after[*k], confirm)) {
+            match (0..3).find(|k| !responds(before[*k], after[*k], CONFIRM)) {
                 None => return Ok(after),
-                Some(k) if moved > confirm => {
+                Some(k) if moved > CONFIRM => {
                     return Err(Violation::Stale { axis: AXES[k], reading_mm: after[k] * 1e3, moved_mm: moved * 1e3 });
                 }
                 Some(_) => {}
@@ -37,12 +37,12 @@ impl Runner<'_, '_> {
         loop {
             self.correct(step)?;
             let after = self.read(entry)?;
-            let silent = |k: usize| is_same(before[k], after[k]) && before[k].abs() > limits.stale;
+            let silent = |k: usize| is_same(before[k], after[k]) && before[k].abs() > STALE;
             let Some(first) = (0..3).find(|k| silent(*k)) else {
                 self.check_growth(norm(&before).max(norm(&step)), norm(&after))?;
                 return Ok(after);
             };
-            let given_up = (0..3).find(|k| silent(*k) && moved[*k].abs() > 2.0 * limits.confirm);
+            let given_up = (0..3).find(|k| silent(*k) && moved[*k].abs() > 2.0 * CONFIRM);
             if given_up.is_some() || self.corrections >= limits.iterations {
                 let k = given_up.unwrap_or(first);
                 let (reading_mm, moved_mm) = (after[k] * 1e3, moved[k].abs() * 1e3);
@@ -77,7 +77,7 @@ impl Runner<'_, '_> {
         self.at = self.settled_joints()?;
         self.note_joints()?;
         check_joints(&self.at, self.options)?;
-        if largest_difference(&before, &self.at).1 == 0.0 && length > limits.stale {
+        if largest_difference(&before, &self.at).1 == 0.0 && length > STALE {
             return Err(Violation::NotMoved { length_mm: length * 1e3 });
         }
         self.check_turn(&before, &self.at, length)?;
@@ -88,14 +88,13 @@ impl Runner<'_, '_> {
 
     /// Whether a correction turns no joint too far.
     fn check_turn(&self, before: &Joints, after: &Joints, length: f64) -> Result<(), Violation> {
-        let limit = self.options.limits.joint_change;
         let (joint, turn) = largest_difference(before, after);
-        if turn > limit {
+        if turn > JOINT_CHANGE {
             return Err(Violation::JointChange {
                 joint: joint + 1,
                 length_mm: length * 1e3,
                 turn_deg: turn.to_degrees(),
-                limit_deg: limit.to_degrees(),
+                limit_deg: JOINT_CHANGE.to_degrees(),
             });
         }
         Ok(())

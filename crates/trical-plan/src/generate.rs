@@ -200,6 +200,12 @@ pub fn generate(
     Ok((pool, rejected))
 }
 
+/// How far corrections may take the tool along each axis of {w}, m: wherever they may, the arm must follow on the same
+/// branch and within limits.
+const CORRECTION: f64 = 0.004;
+/// How far a joint may move for such a correction, rad: more means that the arm is nearly singular or at the end of its
+/// reach.
+const CORRECTION_JOINT: f64 = 3.0_f64.to_radians();
 /// Largest angle between the retreat and the direction in which the device leaves, rad.
 const CONE: f64 = 0.35;
 /// Largest turn of the device about each of its axes between stand-off and touch, rad.
@@ -252,7 +258,7 @@ impl Search<'_> {
             .iter()
             .map(|s| rounded(robot, &s.joints))
             .filter(|q| robot.within_limits(q, -options.limit_margin_rad))
-            .filter(|q| options.whole_turns || within_a_turn(robot, q))
+            .filter(|q| within_a_turn(robot, q))
             .collect();
         if inside.is_empty() {
             return Err(Refusal::Limits);
@@ -263,13 +269,12 @@ impl Search<'_> {
 
     /// Whether the arm can follow wherever a correction may take the tool, on the same branch and without large motions.
     fn can_be_corrected(&mut self, pose: &Pose, joints: &Joints) -> bool {
-        let far = self.options.correction_m;
         (0..8).all(|corner| {
-            let side = |bit: u32| if corner & bit == 0 { -far } else { far };
+            let side = |bit: u32| if corner & bit == 0 { -CORRECTION } else { CORRECTION };
             let moved =
                 Pose { translation: pose.translation + V3::new(side(1), side(2), side(4)), rotation: pose.rotation };
             continue_from(self.model.forward(), &moved, &State::at(joints), self.scratch.forward())
-                .is_ok_and(|q| travel(&q, joints) < self.options.correction_joint_rad)
+                .is_ok_and(|q| travel(&q, joints) < CORRECTION_JOINT)
         })
     }
 
@@ -320,7 +325,7 @@ impl Search<'_> {
     }
 }
 
-/// Whether every joint is within half a turn of the middle of its range.
+/// Whether every joint is within half a turn of the middle of its range: what lies beyond tells little more, and makes ways long.
 fn within_a_turn(robot: &Robot, q: &Joints) -> bool {
     robot.joints.iter().zip(q).all(|(j, q)| {
         j.kind == JointKind::Prismatic || (q - 0.5 * (j.limits[0] + j.limits[1])).abs() <= std::f64::consts::PI

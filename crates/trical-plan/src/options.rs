@@ -23,17 +23,8 @@ pub struct PlanOptions {
     pub spin_rad: [f64; 2],
     /// Range of distances from the stand-off pose to the touch, m.
     pub standoff_m: [f64; 2],
-    /// Whether joints that can turn further than once are also used beyond half a turn from the middle of their range. That
-    /// tells little more, and makes ways long.
-    pub whole_turns: bool,
     /// How far joints stay inside their limits, rad (m for sliding joints), so that the procedure can correct a pose.
     pub limit_margin_rad: f64,
-    /// How far corrections may take the tool along each axis of {w}, m: wherever they may, the arm must follow on the same
-    /// branch and within limits.
-    pub correction_m: f64,
-    /// How far a joint may move for such a correction, rad: more means that the arm is nearly singular or at the end of its
-    /// reach.
-    pub correction_joint_rad: f64,
     /// Parameters to identify; `None` for [`crate::parameters::usual_parameters`].
     pub parameters: Option<Vec<Term>>,
     /// What the touches are to be best for.
@@ -61,10 +52,7 @@ impl Default for PlanOptions {
             max_tilt_rad: 90.0_f64.to_radians(),
             spin_rad: [-std::f64::consts::PI, std::f64::consts::PI],
             standoff_m: [0.03, 0.05],
-            whole_turns: false,
             limit_margin_rad: 1.0_f64.to_radians(),
-            correction_m: 0.004,
-            correction_joint_rad: 3.0_f64.to_radians(),
             parameters: None,
             criterion: Criterion::Determinant,
             sphere: None,
@@ -108,9 +96,6 @@ impl PlanOptions {
         if !(self.limit_margin_rad.is_finite() && self.limit_margin_rad >= 0.0) {
             return bad("limit_margin_rad", format!("found {}, expected 0 or more", self.limit_margin_rad));
         }
-        if !(self.correction_m.is_finite() && (0.0..=0.1).contains(&self.correction_m)) {
-            return bad("correction_m", format!("found {}, expected 0 to 0.1 m", self.correction_m));
-        }
         if !(self.noise_m.is_finite() && self.noise_m > 0.0 && self.noise_m <= 0.01) {
             return bad("noise_m", format!("found {}, expected more than 0, at most 0.01 m", self.noise_m));
         }
@@ -121,9 +106,6 @@ impl PlanOptions {
                 "sphere",
                 format!("found a radius of {} m, expected a finite place and a radius above 0", s.radius),
             );
-        }
-        if self.correction_joint_rad.is_nan() || self.correction_joint_rad <= 0.0 {
-            return bad("correction_joint_rad", format!("found {}, expected more than 0", self.correction_joint_rad));
         }
         Ok(())
     }

@@ -42,15 +42,14 @@ pub struct ValidationOptions {
     pub seed: u64,
     /// How the tool is held.
     pub facing: Facing,
-    /// How far joints stay inside their limits, rad (m for sliding joints).
-    pub limit_margin_rad: f64,
-    /// Attempts for each configuration before giving up.
-    pub attempts_per_pose: usize,
 }
+
+/// Attempts for each configuration before giving up.
+const ATTEMPTS: usize = 500;
 
 impl Default for ValidationOptions {
     fn default() -> Self {
-        Self { seed: 1, facing: Facing::Any, limit_margin_rad: 0.0, attempts_per_pose: 500 }
+        Self { seed: 1, facing: Facing::Any }
     }
 }
 
@@ -109,14 +108,11 @@ pub fn poses_in_workspace(model: &CollisionModel, count: usize, options: &Valida
     collect(model, count, options, 6, |rng, scratch| {
         let mut q = [0.0; MAX_JOINTS];
         for (x, joint) in q.iter_mut().zip(&robot.joints) {
-            let [low, high] = joint.limits;
-            let margin = options.limit_margin_rad.min(0.5 * (high - low));
-            *x = uniform(rng, low + margin, high - margin);
+            *x = uniform(rng, joint.limits[0], joint.limits[1]);
         }
         let q = rounded(robot, &q);
         if options.facing == Facing::Any {
-            let free = robot.within_limits(&q, -options.limit_margin_rad.min(0.0))
-                && model.check_joints(&q, None, scratch).is_none();
+            let free = robot.within_limits(&q, 0.0) && model.check_joints(&q, None, scratch).is_none();
             return free.then_some(q);
         }
         let place = forward.world_from_tool(&State::at(&q), scratch.forward()).translation;
@@ -139,7 +135,7 @@ fn take(
     let free: Vec<Joints> = all
         .iter()
         .map(|s| rounded(robot, &s.joints))
-        .filter(|q| robot.within_limits(q, -options.limit_margin_rad))
+        .filter(|q| robot.within_limits(q, 0.0))
         .filter(|q| model.check_joints(q, None, scratch).is_none())
         .collect();
     if free.is_empty() {
@@ -156,7 +152,7 @@ fn collect(
     stream: u64,
     attempt: impl Fn(&mut Pcg64Mcg, &mut MotionWorkspace) -> Option<Joints> + Sync,
 ) -> Result<Vec<Joints>> {
-    let most = count.saturating_mul(options.attempts_per_pose);
+    let most = count.saturating_mul(ATTEMPTS);
     let mut found = Vec::with_capacity(count);
     let mut done = 0;
     while found.len() < count && done < most {

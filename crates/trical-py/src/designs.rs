@@ -159,7 +159,7 @@ pub fn _poses<'py>(
     let (robot, cell) = read(&machine)?;
     let poses = interruptible(py, None, |_| -> Result<Vec<Joints>> {
         let model = CollisionModel::new(&robot, &cell)?;
-        let options = ValidationOptions { seed, facing, ..ValidationOptions::default() };
+        let options = ValidationOptions { seed, facing };
         Ok(match &sphere {
             Some(s) => poses_in_sphere(&model, &s.centre, s.radius, n, &options)?,
             None => poses_in_workspace(&model, n, &options)?,

@@ -286,7 +286,7 @@ fn worth_lines(args: &Args, worth: &[Worth]) -> Vec<String> {
 /// Poses for another instrument.
 fn points(args: &Args, out: &Path, robot: &Robot, cell: &Cell, count: usize) -> Result<()> {
     let model = CollisionModel::new(robot, cell)?;
-    let options = ValidationOptions { seed: args.seed, facing: args.facing()?, ..ValidationOptions::default() };
+    let options = ValidationOptions { seed: args.seed, facing: args.facing()? };
     let sphere = args.sphere()?;
     let poses = match &sphere {
         Some(s) => poses_in_sphere(&model, &s.centre, s.radius, count, &options)?,

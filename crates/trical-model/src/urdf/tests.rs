@@ -312,7 +312,6 @@ fn only_what_the_chain_needs_may_refuse() {
     assert!(e.contains("finger") && e.contains("no length"), "{e}");
 }
 
-/// An arm with a camera and a tool: the end that is proposed is the tool.
 #[test]
 fn limits_as_of_joints_without_stops_are_those_that_a_robot_file_may_have() {
     for kind in ["revolute", "prismatic"] {
@@ -325,6 +324,7 @@ fn limits_as_of_joints_without_stops_are_those_that_a_robot_file_may_have() {
     }
 }
 
+/// An arm with a camera and a tool: the end that is proposed is the tool.
 #[test]
 fn of_several_ends_the_likeliest_is_proposed() {
     let more = "<link name='camera'/><link name='tool0'/>

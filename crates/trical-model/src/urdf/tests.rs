@@ -313,15 +313,12 @@ fn only_what_the_chain_needs_may_refuse() {
 }
 
 #[test]
-fn limits_as_of_joints_without_stops_are_those_that_a_robot_file_may_have() {
-    for kind in ["revolute", "prismatic"] {
-        let text = format!(
-            r#"<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="{kind}"><parent link="a"/><child link="b"/>
-            <axis xyz="0 0 1"/><limit lower="-1e16" upper="1e16" effort="1" velocity="1"/></joint></robot>"#
-        );
-        let robot = parse(&text, "r.urdf", None, None).unwrap().robot;
-        assert_eq!(Robot::parse(&robot.to_toml(), "robot.toml").unwrap().joints[0].limits, robot.joints[0].limits);
-    }
+fn limits_of_kilometres_are_those_that_a_robot_file_may_have() {
+    let text = r#"<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="prismatic"><parent link="a"/><child link="b"/>
+        <axis xyz="0 0 1"/><limit lower="0" upper="5000" effort="1" velocity="1"/></joint></robot>"#;
+    let robot = parse(text, "r.urdf", None, None).unwrap().robot;
+    let again = Robot::parse(&robot.to_toml(), "robot.toml").unwrap().joints[0].limits;
+    assert!(again[0] == 0.0 && (again[1] - 1000.0).abs() < 1e-6, "{again:?}");
 }
 
 /// An arm with a camera and a tool: the end that is proposed is the tool.

@@ -273,9 +273,9 @@ fn limits(joint: &Joint, file: &str) -> Result<[f64; 2]> {
             bad(line, &format!("<limit> found lower {a} and upper {b}, expected a lower and a higher number"))
         }
         Some((_, Some(a), Some(b))) => {
-            // 1e16 where there is no stop: as far as a robot file may have it
+            // as far as a robot file may have it: 5000 m of a slide are meant as mm
             let kind = if joint.kind == "prismatic" { JointKind::Prismatic } else { JointKind::Revolute };
-            let most = FARTHEST / kind.unit().0 * (1.0 - f64::EPSILON);
+            let most = FARTHEST / kind.unit().0 * (1.0 - 1e-9);
             Ok([a, b].map(|l| l.clamp(-most, most)))
         }
     }

@@ -59,7 +59,8 @@ impl Explained {
         for (k, t) in model.terms.iter().enumerate() {
             match old.names.iter().position(|n| *n == t.name) {
                 Some(place) => calibrated.push((k, place)),
-                None if here(t) && t.scope() == Scope::Setup => new.push(k),
+                // a load of its own is known from the cell file
+                None if here(t) && t.scope() == Scope::Setup && !matches!(t.site, Site::Payload(_)) => new.push(k),
                 None => {}
             }
         }

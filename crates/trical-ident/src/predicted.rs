@@ -116,7 +116,7 @@ impl Expected {
     /// A model that its own arm cannot have.
     pub fn of(file: &ModelFile) -> Result<Option<Self>> {
         let Some(uncertainty) = &file.uncertainty else { return Ok(None) };
-        let model = &file.model;
+        let model = &file.model.clone().with_seen_tcp();
         let of_session = |k: &usize| matches!(model.terms[*k].site, Site::Frame { .. } | Site::Target { .. });
         let known = known(model, uncertainty, &|k| !of_session(&k) && model.terms[k].scope() != Scope::Course);
         let forward = Forward::new(model.clone(), known.iter().map(|k| k.0).collect())?;

@@ -19,7 +19,7 @@ use crate::pose::{Pose, left_jacobian_inverse, quaternion_from_rotation, rotatio
 use crate::recording::{Joints, MAX_JOINTS, Measured, State};
 use crate::robot::Robot;
 use crate::target::{Map, Target, Through};
-use crate::term::{Action, Dof, Term, actions};
+use crate::term::{Action, Dof, Motion, Site, Term, actions};
 
 type V3 = Vector3<f64>;
 
@@ -47,6 +47,21 @@ impl Model {
     #[must_use]
     pub fn nominal(robot: Robot, cell: Cell) -> Self {
         Self { robot, cell, frames: Vec::new(), terms: Vec::new() }
+    }
+
+    /// The same with what was identified of a target at the TCP as the tool's: where an instrument saw nothing else of the tool, the point that it saw is
+    /// the one that programs bring to its place.
+    #[must_use]
+    pub fn with_seen_tcp(mut self) -> Self {
+        let is_tool = |t: &Term| matches!(t.site, Site::Tool(Motion::Along(_))) && t.basis.is_constant();
+        if self.cell.tool.targets == [self.cell.tool.tcp] && !self.terms.iter().any(is_tool) {
+            for term in &mut self.terms {
+                if let Site::Target { axis, .. } = term.site {
+                    term.site = Site::Tool(Motion::Along(axis));
+                }
+            }
+        }
+        self
     }
 }
 

@@ -380,7 +380,7 @@ pub fn half_width(spare: Option<usize>) -> f64 {
 }
 
 /// What parameters are, by the beginnings of their names.
-const PARAMETERS: [(&[&str], &str); 10] = [
+const PARAMETERS: [(&[&str], &str); 11] = [
     (&["base_"], "base: where the arm's base stands"),
     (&["frame"], "frame: where the measuring frame is"),
     (&["tool_", "target"], "tool, target: the TCP and the targets on the flange"),
@@ -390,6 +390,7 @@ const PARAMETERS: [(&[&str], &str); 10] = [
     (&["theta_"], "theta_k: zero of joint k"),
     (&["c_"], "c_k: compliance of joint k"),
     (&["sag_"], "sag_k: how joint k gives way with the inclination of the links"),
+    (&["zero_"], "zero_k: where the length from anchor k begins"),
     (&["reading_noise"], "reading_noise: how much of the small readings is noise of the gauge (-100 %: all of it)"),
 ];
 

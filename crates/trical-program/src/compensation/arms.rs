@@ -68,7 +68,7 @@ pub(crate) fn by_measured_torque(term: &Term) -> bool {
 
 /// What of a model holds where a program runs.
 fn of_programs(model: &Model, nominal: &Model, options: &Options) -> Model {
-    let mut model = model.clone();
+    let mut model = model.clone().with_seen_tcp();
     model.terms.retain(|t| t.moves_tool() && !by_measured_torque(t));
     if options.own_base {
         model.terms.retain(|t| !matches!(t.site, Site::Base(_)));

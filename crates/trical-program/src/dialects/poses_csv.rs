@@ -168,7 +168,8 @@ impl Columns {
                 return Err("header: has both a pose and joint values, as a recording has; expected one of them".into());
             }
         };
-        let in_mm = numbers.iter().map(|(.., unit)| shape.is_joints() && unit.usual() == Unit::Millimetre);
+        let of_joints = numbers.iter().filter(|_| shape.is_joints());
+        let in_mm = of_joints.map(|(.., unit)| unit.usual() == Unit::Millimetre);
         let scales = numbers.iter().map(|(.., unit)| match unit {
             Unit::Metre => 1e3,
             Unit::Radian => 1_f64.to_degrees(),

@@ -1,7 +1,7 @@
-//! An arm of five joints: the tool's point is brought to its place, its axes as near as the joints allow.
+//! Arms of four and five joints: the tool's point is brought to its place, its axes as near as the joints allow.
 
 use trical_model::pose::rotation_vector;
-use trical_model::{Forward, Joints, Model, Pose, Robot, State};
+use trical_model::{Basis, Forward, Joints, Model, Parameter, Pose, Robot, Site, State, Term};
 use trical_program::{Dialect, Frames};
 
 use crate::fixtures::{IRB, device, joints, mm, nominal, numbers, quaternion, real};
@@ -51,5 +51,29 @@ fn joints_and_poses_of_an_arm_of_five_joints_bring_its_point_where_it_is_wanted(
             // of what is left of its axes no joint could take more
             assert!(off(&reached) < off(&was) + 2e-3, "{} {}", off(&reached), off(&was));
         }
+    }
+}
+
+#[test]
+fn joints_and_poses_of_an_arm_whose_third_joint_slides_are_read() {
+    let joint = |kind: &str, a: f64, d: f64, limits: &str| {
+        format!("[[joint]]\nkind = \"{kind}\"\nalpha_deg = 0\na_mm = {a}\nd_mm = {d}\ntheta_offset_deg = 0\n{limits}\n")
+    };
+    let turns = |a: f64, d: f64| joint("revolute", a, d, "limits_deg = [-150, 150]");
+    let slide = joint("prismatic", 250.0, 0.0, "limits_mm = [-200, 0]");
+    let arm = ["name = \"SCARA\"\n", &turns(0.0, 300.0), &turns(300.0, 0.0), &slide, &turns(0.0, 0.0)].concat();
+    let nominal = Model { robot: Robot::parse(&arm, "scara.toml").unwrap(), ..nominal(IRB) };
+    let mut model = nominal.clone();
+    let link = Site::Link { link: 2, parameter: Parameter::A };
+    model.terms.push(Term { value: 0.4e-3, ..Term::new("a_2", "test", link, Basis::CONSTANT) });
+    let q = [0.3, 0.7, -0.08, 0.2];
+    let p = nominal.cell.world_from_base.inverse().compose(&tool(&nominal, &q));
+    let by_poses = format!("x_mm,y_mm,z_mm,qw,qx,qy,qz\n{},{}\n", numbers(&mm(&p)), quaternion(&p));
+    let deg = q.map(f64::to_degrees);
+    let by_joints = format!("q1_deg,q2_deg,q3_mm,q4_deg\n{},{},-80,{}\n", deg[0], deg[1], deg[3]);
+    for text in [by_poses, by_joints] {
+        let (_, report) = run(text.as_bytes(), Dialect::Csv, &nominal, &model, &Frames::default());
+        assert!(report.problems.is_empty(), "{:?}", report.problems);
+        assert!(report.before[1] > 3e-4 && report.after[1] < 2e-7, "{:?} {:?}", report.before, report.after);
     }
 }

@@ -1,5 +1,6 @@
 //! Tables of poses: units, angles, and what is refused.
 
+use trical_model::{Axis, Basis, Motion, Site, Term};
 use trical_program::{Dialect, Frames, Report};
 
 use crate::fixtures::{IRB, nominal, real};
@@ -75,4 +76,20 @@ fn a_table_in_other_units_and_with_angles_is_the_same_table() {
         let same = refused(header.as_bytes(), Dialect::Csv);
         assert!(same.contains(words), "{same}");
     }
+}
+
+#[test]
+fn the_tcp_that_a_tracker_saw_is_brought_to_its_place_and_another_target_is_not() {
+    let nominal = nominal(IRB);
+    let joints_with = |site: Site, elsewhere: f64| {
+        let mut model = nominal.clone();
+        model.cell.tool.targets[0].x += elsewhere;
+        model.terms.push(Term { value: 0.7e-3, ..Term::new("target_y", "test", site, Basis::CONSTANT) });
+        let program = b"q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n10,20,-10,30,60,50\n";
+        run(program, Dialect::Csv, &nominal, &model, &Frames::default()).1
+    };
+    let target = Site::Target { target: 1, axis: Axis::Y };
+    let [tool, seen] = [Site::Tool(Motion::Along(Axis::Y)), target].map(|site| joints_with(site, 0.0));
+    assert!((seen.before[1] - 0.7e-3).abs() < 1e-9 && seen.rows[0].joints == tool.rows[0].joints);
+    assert_eq!(joints_with(target, 0.02).before[1], 0.0);
 }

@@ -131,8 +131,9 @@ class Validation(Certified):
     not fitted at (None where it does not know); `predicted` the errors that the model expects, compared with those
     found (sd_mm, parameters_sd_mm, covered, covered_visited, covered_beyond; None where it does not know); `left_out`
     terms of the model that do not apply here; `carried_over` effects that jumped in the session that the model was
-    fitted to, and are taken to be as they were at its end; `errors_mm` (n, 2) one by one, before and after. Also by
-    key, as in the command's JSON: v["after"]["mean_mm"].
+    fitted to, and are taken to be as they were at its end; `orientation` mean_deg, rms_deg and max_deg of the angles,
+    before and after, where full poses were measured; `errors_mm` (n, 2) one by one, before and after. Also by key, as
+    in the command's JSON: v["after"]["mean_mm"].
     """
 
     before: Errors
@@ -146,9 +147,10 @@ class Validation(Certified):
     errors_mm: Floats
     predicted: dict[str, float | None] | None = None
     carried_over: list[str] = field(default_factory=list)
+    orientation: list[dict[str, float]] | None = None
 
     def __getitem__(self, key: str) -> Any:
-        """Return before, after, n, beyond, predicted, sessions, regions, left_out, carried_over or rejected."""
+        """Return before, after, n, beyond, predicted, sessions, regions, left_out, orientation, ... by name."""
         if key not in self.__dataclass_fields__ or key.startswith(("_", "errors")):
             raise KeyError(key)
         return getattr(self, key)

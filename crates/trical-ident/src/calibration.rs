@@ -13,13 +13,13 @@ use crate::caution::{
 };
 use crate::dataset::{Dataset, JointSource, Rejected};
 use crate::error::{IdentError, Result};
-use crate::fit::orientation_errors;
 use crate::folds::Folds;
 use crate::held_out::held_out;
 pub use crate::held_out::{HeldOut, cross_validate, forward_in_time, score_sessions};
 use crate::identifiability::{Choice, Dependent, Elasticity, OwnSetup, ParameterSet, measured_torques};
 use crate::identify::{ErrorSummary, Identified, identify};
 use crate::joint_choice::clean;
+use crate::orientation::{AngleSummary, orientation};
 use crate::read_otherwise::read_otherwise;
 use crate::rigid::moved;
 use crate::stream::identify_stream;
@@ -72,36 +72,6 @@ impl Options {
             tool: ToolSharing::FromData,
         }
     }
-}
-
-/// Mean, root of the mean square and maximum of angles, deg.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct AngleSummary {
-    /// Mean.
-    pub mean_deg: f64,
-    /// Root of the mean square.
-    pub rms_deg: f64,
-    /// Largest.
-    pub max_deg: f64,
-}
-
-impl AngleSummary {
-    /// Of angles in rad.
-    fn of(angles: &[f64]) -> Self {
-        // the same sums as of lengths
-        let e = ErrorSummary::of(angles);
-        let deg = |mm: f64| (mm * 1e-3).to_degrees();
-        Self { mean_deg: deg(e.mean_mm), rms_deg: deg(e.rms_mm), max_deg: deg(e.max_mm) }
-    }
-}
-
-/// Errors of orientation before and after, where full poses were measured.
-fn orientation(nominal: &Model, fitted: &Identified) -> Result<Option<[AngleSummary; 2]>> {
-    let of = |model: &Model| -> Result<Vec<f64>> {
-        Ok(orientation_errors(&trical_model::Forward::new(model.clone(), Vec::new())?, &fitted.data))
-    };
-    let (before, after) = (of(nominal)?, of(&fitted.model)?);
-    Ok((!after.is_empty()).then(|| [AngleSummary::of(&before), AngleSummary::of(&after)]))
 }
 
 /// What a session does not share with the first one.
@@ -353,7 +323,7 @@ pub fn calibrate(
     };
     task.step(1.0, "done")?;
     Ok(Calibration {
-        orientation: orientation(&nominal.model, &fitted)?,
+        orientation: orientation([&nominal.model, &fitted.model].map(|m| (m, &fitted.data)))?,
         nominal: nominal.model,
         before: ErrorSummary::of(&each_before),
         errors,
@@ -404,7 +374,7 @@ pub fn calibrate_stream(
     task.step(1.0, "done")?;
     Ok(Calibration {
         each_before: nominal.errors()?,
-        orientation: orientation(&nominal.model, &streamed.identified)?,
+        orientation: orientation([&nominal.model, &streamed.identified.model].map(|m| (m, &streamed.identified.data)))?,
         nominal: nominal.model,
         before: streamed.before,
         errors: streamed.errors,

@@ -49,6 +49,7 @@ pub mod model_file;
 pub mod noise;
 mod normal;
 mod optional;
+mod orientation;
 pub mod predicted;
 pub mod read_otherwise;
 pub mod readings;
@@ -69,8 +70,7 @@ pub mod weak;
 
 pub use adapted::{LeftOut, Refit};
 pub use calibration::{
-    AngleSummary, Calibration, HeldOut, Options, ToolSharing, calibrate, calibrate_stream, cross_validate,
-    forward_in_time,
+    Calibration, HeldOut, Options, ToolSharing, calibrate, calibrate_stream, cross_validate, forward_in_time,
 };
 pub use caution::cautions;
 pub use compare::{Comparison, compare};
@@ -84,6 +84,7 @@ pub use joint_choice::clean;
 pub use known::KnownParameters;
 pub use model_file::{ModelFile, Session, write_whole};
 pub use noise::Noise;
+pub use orientation::AngleSummary;
 pub use predicted::{Expected, Predicted};
 pub use repeatability::{Repeatability, repeatability};
 pub use repeated::refuse_repeated;

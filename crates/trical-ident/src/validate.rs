@@ -15,6 +15,7 @@ use crate::fit::position_errors;
 use crate::identifiability::{Choice, OwnSetup, ParameterSet};
 use crate::identify::{ErrorSummary, identify};
 use crate::model_file::ModelFile;
+use crate::orientation::{AngleSummary, orientation};
 use crate::predicted::{Predicted, predicted};
 
 /// Errors of one part of the data.
@@ -76,6 +77,9 @@ pub struct Validation {
     pub before: ErrorSummary,
     /// The model.
     pub after: ErrorSummary,
+    /// Errors of orientation, of the nominal arm and of the model, where full poses were measured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub orientation: Option<[AngleSummary; 2]>,
     /// Number of measurements that were scored.
     pub n: usize,
     /// How many of them are at joint angles that the model was not learnt at; `null` where its file does not say.
@@ -226,6 +230,7 @@ pub fn validate(
         other_tool_mm: (off > SAME_TOOL).then_some(off * 1e3),
         before: ErrorSummary::of(&before),
         after: ErrorSummary::of(&after),
+        orientation: orientation([(&nominal.model, &plain), (&model, &scored)])?,
         n: pairs.len(),
         beyond: (!visited.is_empty()).then(|| beyond.iter().filter(|b| **b).count()),
         predicted,

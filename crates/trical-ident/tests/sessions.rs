@@ -12,7 +12,9 @@ use trical_ident::{
     calibrate, fit_model, identify, simulate, validate,
 };
 use trical_model::pose::rotation_zyx;
-use trical_model::{Axis, Basis, Forward, Model, Pose, Recording, Scope, Shape, Site, State, Task, Term, Variable};
+use trical_model::{
+    Axis, Basis, Forward, Model, Motion, Pose, Recording, Scope, Shape, Site, State, Task, Term, Variable,
+};
 
 /// Standard deviation of each coordinate, m.
 const NOISE: f64 = 1e-5;
@@ -542,4 +544,23 @@ fn a_joint_that_has_another_zero_in_the_newest_session_keeps_it() {
     }
     // another day the arm is as in the newest (gravity turns with the zero of the arm, not of a day: less than 1 um)
     assert!((moved(&now, None) - moved(&truth, Some(2))).norm() < 1e-6);
+}
+
+#[test]
+fn a_tool_that_is_turned_is_told_where_full_poses_were_measured() {
+    let truth = truth();
+    let poses = |model: &Model, session| measured(model, session, [0.0; 3], 120, 1e-5, |_| Aim::Pose);
+    let found = learnt(&truth, &[poses(&truth, 1)], ToolSharing::FromData);
+    let file = file(&found);
+    let mut turned = truth.clone();
+    let twist =
+        Term { value: 0.02, ..Term::new("turned", "tool", Site::Tool(Motion::About(Axis::Z)), Basis::CONSTANT) };
+    turned.terms.push(twist);
+    let degrees = |model: &Model| {
+        let refit = Some(Refit { frame: true, targets: false });
+        let v = validate(&truth.robot, &truth.cell, &file, &[poses(model, 2)], None, refit).unwrap();
+        v.orientation.unwrap()[1].mean_deg
+    };
+    let told = [&truth, &turned].map(degrees);
+    assert!(told[0] < 0.002 && (told[1] - 0.02_f64.to_degrees()).abs() < 0.01, "{told:?}");
 }

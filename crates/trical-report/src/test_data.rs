@@ -54,6 +54,7 @@ pub(crate) fn validation(before: f64, after: f64) -> Validation {
     };
     Validation {
         other_load_kg: None,
+        orientation: None,
         other_tool_mm: None,
         before,
         after,

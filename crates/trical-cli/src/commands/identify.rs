@@ -11,6 +11,7 @@ use trical_report::evidence::rejected_together;
 use trical_report::identify_report::{BY_BLOCK, FORWARD};
 use trical_report::{certificate, identify_report, table};
 
+use super::{orientation_rows, wrote};
 use crate::error::{CliError, Result};
 use crate::input::{self, Joints, RobotAndCell, Tool};
 use crate::progress;
@@ -189,7 +190,7 @@ fn print(args: &Args, found: &Calibration) -> Result<()> {
     }
     say("")?;
     say_lines(table::lines(&error_rows(found)))?;
-    super::wrote([&args.out, &args.report, &args.certificate])
+    wrote([&args.out, &args.report, &args.certificate])
 }
 
 /// Rows of a table of errors: at the poses of the fit, and at others.
@@ -214,13 +215,7 @@ fn error_rows(found: &Calibration) -> Vec<Vec<String>> {
     for (name, e) in usual.map(|e| (BY_BLOCK, e)).into_iter().chain(worst) {
         add(&format!("poses that the fit did not see, {name}"), &e);
     }
-    if let Some(both) = &found.orientation {
-        rows.push(vec!["orientation error, deg".into(), "mean".into(), "max".into(), "rms".into()]);
-        for (name, e) in ["nominal arm", "identified"].iter().zip(both) {
-            let angle = |deg: f64| format!("{deg:.4}");
-            rows.push(vec![(*name).into(), angle(e.mean_deg), angle(e.max_deg), angle(e.rms_deg)]);
-        }
-    }
+    rows.extend(orientation_rows(found.orientation, ["nominal arm", "identified"]));
     rows
 }
 

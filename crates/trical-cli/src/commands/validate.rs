@@ -6,6 +6,7 @@ use trical_ident::{ErrorSummary, ModelFile, Predicted, Refit, validate, write_wh
 
 use trical_report::{certificate, table, validate_report};
 
+use super::{orientation_rows, wrote};
 use crate::error::{CliError, Result};
 use crate::input::{self, Joints, RobotAndCell};
 use crate::{say, say_json, say_lines, say_wrapped};
@@ -89,10 +90,11 @@ pub fn run(args: &Args) -> Result<()> {
         add(format!("  after, {}", r.region), r.n, &r.after);
     }
     say_lines(table::lines(&rows))?;
+    say_lines(table::lines(&orientation_rows(v.orientation, ["before: nominal arm", "after: the model"])))?;
     for caution in validate_report::cautions(&v) {
         say_wrapped(&format!("Caution: {caution}"), "")?;
     }
-    super::wrote([&args.report, &args.certificate])
+    wrote([&args.report, &args.certificate])
 }
 
 fn refit(what: &[String]) -> Result<Option<Refit>> {

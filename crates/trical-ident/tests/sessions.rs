@@ -468,7 +468,7 @@ fn intervals_of_predictions_hold_what_they_promise_on_another_day() {
 fn a_model_file_keeps_how_far_the_day_moved_the_measurements() {
     let mut truth = crate::arm::nominal();
     truth.cell.tool.targets = vec![Vector3::new(18e-3, -12e-3, 118e-3)];
-    let along_x = Site::Frame { frame: 1, motion: trical_model::Motion::ALL[0] };
+    let along_x = Site::Frame { frame: 1, motion: Motion::ALL[0] };
     let hour = Basis::new(Variable::Time, Shape::Linear);
     truth.frames = vec![Pose::identity()];
     truth.terms = vec![Term { value: 1e-7, ..Term::new("drift", "frame_drift", along_x, hour) }];

@@ -367,7 +367,8 @@ impl<'a> Search<'a> {
         (0..2).any(|_| !self.swap_once(start, chosen, asked))
     }
 
-    /// The same for members of one set only, each with the others as they were. Whether something was replaced, or perhaps, where it was asked to stop.
+    /// One pass of that: each member is set against what could be in its place while the others stay. Whether something was replaced (also `true`
+    /// where the search was asked to stop).
     fn swap_once(&self, start: &RegressionState, chosen: &mut Vec<usize>, asked: &dyn Fn(usize) -> bool) -> bool {
         let set = chosen.clone();
         let mut downdate = Downdate::new(self.design, start, &set);
@@ -393,7 +394,7 @@ impl<'a> Search<'a> {
         wishes.sort_by(|a, b| whole(b.0).total_cmp(&whole(a.0)).then(a.1.cmp(&b.1)));
         let (mut changed, mut weighed) = (false, 0);
         for (_, own, new) in wishes {
-            // most wishes may be of one member, and all but one of them are then void
+            // many wishes may be of one member: once it is replaced, the rest of them are void
             if !chosen.contains(&own) || new.iter().any(|n| chosen.contains(n)) {
                 continue;
             }

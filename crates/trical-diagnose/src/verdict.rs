@@ -414,13 +414,10 @@ fn rest_row(rows: &[&VerdictRow], most_named: usize, errors: [f64; 2]) -> Verdic
         said.push("curves of no known cause".into());
     }
     let others = findings.len() - named.iter().map(|r| r.findings.len()).sum::<usize>();
-    let text = match (said.is_empty(), others) {
-        (true, 1) => "1 smaller or less sure finding".to_owned(),
-        (true, n) => format!("{n} smaller or less sure findings"),
-        (false, 0) if said.len() == 1 => format!("Also: {}", said.concat()),
-        (false, 0) => format!("Other findings together: {}", said.join(", ")),
-        (false, 1) => format!("Other findings together: {}; 1 more finding", said.join(", ")),
-        (false, n) => format!("Other findings together: {}; {n} more findings", said.join(", ")),
+    let text = match (said.join(", "), others) {
+        (named, 0) => format!("Also: {named}"),
+        (named, n) if named.is_empty() => format!("{n} smaller or less sure finding{}", if n == 1 { "" } else { "s" }),
+        (named, n) => format!("Also: {named}; {n} more finding{}", if n == 1 { "" } else { "s" }),
     };
     let corrected = rows.iter().any(|r| r.corrected);
     VerdictRow { findings, corrected, ..plain_row(RowKind::Rest, text, errors) }

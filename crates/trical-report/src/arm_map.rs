@@ -140,7 +140,7 @@ pub fn draw(d: &Diagnosis, headings: &[String]) -> Result<String> {
     svg += "</ol>";
     let more = d.findings.len().saturating_sub(headings.len());
     if more > 0 {
-        let _ = write!(svg, "<p class=\"fewer\">{more} more are in the table.</p>");
+        let _ = write!(svg, "<p class=\"fewer\">{more} more are told below.</p>");
     }
     Ok(svg + "</div>")
 }

@@ -19,7 +19,7 @@ use crate::plots::{self, AFTER, BEFORE, Series};
 use crate::table;
 use crate::verdict_told;
 
-/// Findings with figures.
+/// Findings that are told one by one, with figures; those that take less of the error are in one table.
 const SHOWN: usize = 12;
 
 /// Findings whose coefficients are written out; a curve has more.
@@ -350,12 +350,17 @@ fn amplitude([sine, cosine]: [f64; 2], [s, c]: [Option<f64>; 2]) -> (f64, Option
     (size, s.zip(c).map(|(s, c)| (sine * s).hypot(cosine * c) / size.max(f64::MIN_POSITIVE)))
 }
 
-/// A finding against the variable that reveals it, its size and its rivals; it has a number, from 1, and beyond [`SHOWN`] no figures.
-pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<Section> {
+/// Where a finding is and how large.
+fn located(f: &Finding, d: &Diagnosis) -> String {
     let values = coefficients(&f.coefficients, &d.model.terms);
     let told = if values.len() > FEW { format!("{} coefficients", f.coefficients.len()) } else { values.join("; ") };
+    format!("{}. {}.", verdict::capital(&f.located), verdict::capital(&told))
+}
+
+/// A finding against the variable that reveals it, its size and its rivals; it has a number, from 1.
+pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<Section> {
     let mut text = vec![
-        format!("{}. {}.", verdict::capital(&f.located), verdict::capital(&told)),
+        located(f, d),
         if f.is_likely() {
             format!("What to do: {}", f.action)
         } else {
@@ -371,9 +376,6 @@ pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<S
     let section = Section::new(format!("{number_of}. {} ({:.0} %)", verdict::heading(f), f.confidence * 100.0))
         .with_text(text)
         .folded(number_of > OPEN);
-    if number_of > SHOWN {
-        return Ok(section);
-    }
     let Against { label, x, error, without: before, with: after } = against(f, d)?;
     let points = |y: &[f64]| x.iter().copied().zip(y.iter().copied()).collect();
     let series = [
@@ -436,17 +438,16 @@ fn chained(start: f64, mut steps: Vec<(String, f64, f64)>) -> Vec<(String, f64)>
     out
 }
 
-/// Each finding in a row, with the evidence, and where they are on the arm.
-fn all_findings(d: &Diagnosis) -> Result<Section> {
-    let mut section = Section::new("All findings");
+/// Findings in a row each, with the evidence, from the one with this number on.
+fn findings_table(d: &Diagnosis, first: usize, findings: &[Finding]) -> Vec<Vec<String>> {
     let mut rows = vec![row(["finding", "probability", "lambda", "error before, mm", "after, mm", "could also be"])];
     let decimals = verdict_told::decimals(d);
-    for (k, f) in d.findings.iter().enumerate() {
+    for (k, f) in findings.iter().enumerate() {
         let [before, after] = [f.evidence.holdout_rms_before_mm, f.evidence.holdout_rms_after_mm];
         let [before, after] = [before, after].map(|mm| format!("{mm:.decimals$}"));
         let after = if after == before { "unchanged".to_owned() } else { after };
         rows.push(vec![
-            format!("{}. {}", k + 1, verdict::heading(f)),
+            format!("{}. {}", first + k, verdict::heading(f)),
             format!("{:.0} %", f.confidence * 100.0),
             format!("{:.1}", f.lambda),
             before,
@@ -454,10 +455,28 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
             rivals(f),
         ]);
     }
-    if d.findings.iter().all(|f| f.rivals.is_empty()) {
+    if findings.iter().all(|f| f.rivals.is_empty()) {
         rows.iter_mut().for_each(|r| r.truncate(r.len() - 1));
     }
-    section.tables.push(rows);
+    rows
+}
+
+/// Findings beyond those that are told one by one, where each is and how large.
+fn smaller_findings(d: &Diagnosis) -> Option<Section> {
+    let smaller = d.findings.get(SHOWN..).filter(|all| !all.is_empty())?;
+    let mut section = Section::new(table::counted(smaller.len(), "smaller finding"))
+        .with_tables([findings_table(d, SHOWN + 1, smaller)])
+        .folded(true);
+    section.after = (SHOWN + 1..).zip(smaller).map(|(k, f)| format!("{k}. {}", located(f, d))).collect();
+    Some(section)
+}
+
+/// Findings with the evidence, the largest in a row each, and where they are on the arm.
+fn all_findings(d: &Diagnosis) -> Result<Section> {
+    let decimals = verdict_told::decimals(d);
+    let largest = d.findings.get(..SHOWN).unwrap_or(&d.findings);
+    let heading = if largest.len() < d.findings.len() { "The largest findings" } else { "All findings" };
+    let mut section = Section::new(heading).with_tables([findings_table(d, 1, largest)]);
     section.text.push(
         "Lambda is the size of the effect in this data, in standard deviations of the noise: 3 is just visible. The errors \
          are at poses that the fit did not see, just before this finding was added to the model and just after; the verdict sorts \
@@ -467,7 +486,7 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
     section.figures.push(Figure::new(
         "The arm from the side at one of the measured poses. Places where something was found are red: the more of the error it explains, the redder. \
          Numbers in circles are joints.",
-        arm_map::draw(d, &d.findings.iter().take(SHOWN).map(verdict::heading).collect::<Vec<_>>())?,
+        arm_map::draw(d, &largest.iter().map(verdict::heading).collect::<Vec<_>>())?,
     ));
     // findings and nameless curves, in the order in which they were added
     let named = d
@@ -695,9 +714,10 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
     if !d.findings.is_empty() {
         sections.push(all_findings(d)?);
     }
-    for (k, f) in d.findings.iter().enumerate() {
+    for (k, f) in d.findings.iter().enumerate().take(SHOWN) {
         sections.push(finding_section(k + 1, f, d)?);
     }
+    sections.extend(smaller_findings(d));
     sections.extend(nameless(d)?);
     sections.push(errors.section()?.folded(true));
     sections.push(errors.by_joint()?.folded(true));

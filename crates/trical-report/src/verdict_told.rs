@@ -19,13 +19,10 @@ use crate::table;
 const LINES: usize = 10;
 
 /// So wide is a line at most.
-const WIDE: usize = 110;
+const WIDE: usize = 120;
 
 /// Errors in another session that are so many times larger are told in the verdict.
 const MUCH_WORSE: f64 = 1.3;
-
-/// What the model is for.
-const USES: &str = "`trical compensate` corrects what is modelled";
 
 /// What an action says that asks nothing of the owner but to use the model.
 const BY_THE_MODEL: &str = "Let the calibrated model correct it";
@@ -217,9 +214,10 @@ pub fn cautions(d: &Diagnosis) -> Vec<String> {
     all.map(|c| table::ended(&c)).collect()
 }
 
-/// What the whole model is worth in a session, or at a place of the balls, that it was not fitted to, where that is much worse; and whether the
-/// plain model is better there.
-fn worth_elsewhere(d: &Diagnosis) -> Option<(String, bool)> {
+/// What the whole model is worth in a session, or at a place of the balls, that it was not fitted to, where that is much worse; beside the plain
+/// model there.
+#[must_use]
+pub fn elsewhere(d: &Diagnosis) -> Option<String> {
     let (whole, plain) = (&d.after.held_out, &d.baseline);
     let all = [
         ("in a session", whole.by_session, plain.by_session),
@@ -228,30 +226,20 @@ fn worth_elsewhere(d: &Diagnosis) -> Option<(String, bool)> {
     let decimals = decimals(d);
     let told = |(at, whole, plain): (&str, Option<ErrorSummary>, Option<ErrorSummary>)| {
         let whole = whole.filter(|e| e.rms_mm > MUCH_WORSE * d.after.holdout_rms_mm)?;
-        let worse = plain.is_some_and(|p| p.rms_mm < whole.rms_mm);
         let plain = plain.map_or_else(String::new, |p| format!(" (plain model: {:.decimals$})", p.rms_mm));
-        Some((format!("{at} that it was not fitted to: {:.decimals$} mm{plain}", whole.rms_mm), worse))
+        Some(format!("{at} that it was not fitted to: {:.decimals$} mm{plain}", whole.rms_mm))
     };
     all.into_iter().find_map(told).or_else(|| {
         // of one session alone: what happened to the arm and its tool in its course is in the errors, and not in those of a program
         let of_arm = |t: &Term| t.scope() == Scope::Course && t.moves_tool();
         let course = moved(&d.model, &d.data, &of_arm).ok()?.from_beginning / d.uncertainty.as_ref()?.noise;
         let there = d.after.holdout_rms_mm * course.hypot(1.0);
-        let plain = d.baseline.holdout_rms_mm;
-        let worse = if there > plain { ", worse than the plain model (use that one there)" } else { "" };
+        let worse =
+            if there > d.baseline.holdout_rms_mm { ", worse than the plain model (use that one there)" } else { "" };
         (there > MUCH_WORSE * d.after.holdout_rms_mm).then(|| {
-            let said = format!(
-                "in another session: about {there:.decimals$} mm{worse}, since what happened in this one is not corrected there"
-            );
-            (said, there > plain)
+            format!("in another session: about {there:.decimals$} mm{worse}, since what happened in this one is not corrected there")
         })
     })
-}
-
-/// What the whole model is worth in a session, or at a place of the balls, that it was not fitted to, where that is much worse.
-#[must_use]
-pub fn elsewhere(d: &Diagnosis) -> Option<String> {
-    worth_elsewhere(d).map(|(said, _)| said)
 }
 
 /// Touches show the error at their balls alone, which says little of the workspace; what is said of where the errors are.
@@ -275,21 +263,20 @@ pub fn lines(d: &Diagnosis) -> Vec<String> {
         d.after.poses,
         same_balls(d)
     );
-    let (elsewhere, plain_is_better) = worth_elsewhere(d).unzip();
+    let elsewhere = elsewhere(d);
     let table = |claims: usize, named: usize| -> Vec<String> {
         let (mut rows, decimals) = told(d, d.verdict.shortened(claims, named));
-        let corrected = rows.iter().any(|r| r.corrected && claims_something(r));
-        if let Some(whole) = rows.last_mut() {
-            let uses = (corrected && plain_is_better != Some(true)).then_some(USES);
-            whole.text += &elsewhere.as_deref().into_iter().chain(uses).map(|s| format!("; {s}")).collect::<String>();
+        if let (Some(whole), Some(said)) = (rows.last_mut(), &elsewhere) {
+            whole.text += &format!("; {said}");
         }
         let each = rows.iter().enumerate().flat_map(|(k, row)| row_lines(row, decimals, k <= claims));
         std::iter::once(head.clone()).chain(each).collect()
     };
-    // as many claims with all advice as fit, then as many named among the rest; one claim is always told
-    let of = |claims| (0..=MOST_NAMED_IN_REST).rev().map(move |named| (claims, named));
-    let all = (1..=d.verdict.rows.len()).rev().flat_map(of);
-    all.map(|(claims, named)| table(claims, named)).find(|t| t.len() <= LINES).unwrap_or_else(|| table(1, 0))
+    // as many as fit are told by name, and of these as many as can be with their advice; one claim is always told
+    let claims = 1..=d.verdict.rows.len();
+    let mut all: Vec<_> = claims.flat_map(|n| (0..=MOST_NAMED_IN_REST).map(move |named| (n, named))).collect();
+    all.sort_by_key(|&(claims, named)| std::cmp::Reverse((claims + named, claims)));
+    all.into_iter().map(|(n, named)| table(n, named)).find(|t| t.len() <= LINES).unwrap_or_else(|| table(1, 0))
 }
 
 /// What `--json` prints and Python reads: the diagnosis, its recordings, which joints were believed, the verdict's lines.
@@ -390,27 +377,20 @@ mod tests {
     }
 
     #[test]
-    fn what_a_model_is_worth_elsewhere_is_told_where_that_is_much_worse_and_whether_the_plain_one_is_better() {
+    fn what_a_model_is_worth_elsewhere_is_told_where_that_is_much_worse() {
         let mut d = crate::test_data::diagnosis();
         let of = |mm: f64| Some(ErrorSummary::of(&[mm * 1e-3; 4]));
         (d.after.holdout_rms_mm, d.baseline.holdout_rms_mm) = (0.1, 0.4);
         let n = decimals(&d);
-        let told = |d: &Diagnosis| worth_elsewhere(d);
-        assert_eq!(told(&d), None);
+        assert_eq!(elsewhere(&d), None);
         d.after.held_out.by_session = of(0.9 * MUCH_WORSE * 0.1);
-        assert_eq!(told(&d), None);
+        assert_eq!(elsewhere(&d), None);
         (d.after.held_out.by_session, d.baseline.by_session) = (of(0.25), of(0.35));
         let said = format!("in a session that it was not fitted to: {:.n$} mm (plain model: {:.n$})", 0.25, 0.35);
-        assert_eq!(told(&d), Some((said, false)));
-        d.baseline.by_session = of(0.2);
-        assert!(told(&d).unwrap().1);
+        assert_eq!(elsewhere(&d), Some(said.clone()));
+        assert!(lines(&d).concat().contains(&said));
         (d.after.held_out.by_session, d.after.held_out.by_place) = (of(0.1), of(0.25));
-        assert!(told(&d).unwrap().0.starts_with("at a place of the balls that it was not fitted to: 0.25"));
-        // whether the model is to be used is said of a model that is better
-        let uses = |d: &Diagnosis| lines(d).concat().contains(USES);
-        assert!(uses(&d));
-        d.baseline.by_place = of(0.2);
-        assert!(!uses(&d));
+        assert!(elsewhere(&d).unwrap().starts_with("at a place of the balls that it was not fitted to: 0.25"));
     }
 
     #[test]
@@ -423,5 +403,35 @@ mod tests {
             "{lines:?}"
         );
         assert!(!row_lines(&long, 3, false).concat().contains("Do:"));
+    }
+
+    #[test]
+    fn of_many_claims_as_many_as_fit_in_ten_lines_are_told_by_name_and_the_first_ones_with_their_advice() {
+        let mut d = crate::test_data::diagnosis();
+        let step = |k: usize| VerdictRow {
+            text: format!("Claim {k}, {}", "which takes most of a line in a terminal, ".repeat(2)),
+            before_mm: 1.0 - 0.1 * k as f64,
+            after_mm: 0.9 - 0.1 * k as f64,
+            findings: vec![k + 1],
+            ..row(RowKind::Finding)
+        };
+        let end = |kind, text: &str| VerdictRow { text: text.into(), action: None, ..row(kind) };
+        let named = |d: &Diagnosis| {
+            let all = lines(d);
+            assert!(all.len() <= LINES, "{all:#?}");
+            let text = all.concat();
+            let advised = text.matches("Do:").count();
+            ((0..8).take_while(|k| text.to_lowercase().contains(&format!("claim {k},"))).count(), advised)
+        };
+        let mut table = |n: usize| {
+            d.verdict.rows = std::iter::once(end(RowKind::Plain, "Plain model"))
+                .chain((0..n).map(step))
+                .chain([end(RowKind::Whole, "Whole model")])
+                .collect();
+            named(&d)
+        };
+        assert_eq!(table(2), (2, 2));
+        // each with its advice takes two lines: three of them leave room for one that is only named
+        assert_eq!(table(6), (4, 2));
     }
 }

@@ -18,7 +18,7 @@ pub const EFFECT: Effect = Effect {
     typical: "0.01 to 0.1 deg",
     rivals: "axis_wobble of the joint before",
     coefficients: &[("beta", "second twist", "")],
-    action: "Let the calibrated model correct it: it belongs to the geometry of this arm.",
+    action: "Let the calibrated model correct it.",
     remedy: Remedy::WiderRange,
     follows_torque: false,
     ask,

@@ -18,7 +18,7 @@ pub const EFFECT: Effect = Effect {
     typical: "0.005 to 0.1 deg",
     rivals: "lost_motion_direction",
     coefficients: &[("lag", "share of the way from the read to the commanded angle", "")],
-    action: "Wait longer, or run again with `--joints commanded`.",
+    action: "Wait longer, or use `--joints commanded`.",
     remedy: Remedy::Repeats,
     follows_torque: false,
     ask,

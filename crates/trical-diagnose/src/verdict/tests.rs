@@ -235,7 +235,7 @@ fn sure_findings_without_a_row_of_their_own_are_named_by_what_they_are_together(
         .unwrap_or_else(|| unreachable!());
     assert_eq!(
         rest.text,
-        "Other findings together: joint stiffness that changes with the load at joint 2 (60 %), gear ripple at joints 1 to 6 (97 to 99 %), curves of no \
+        "Also: joint stiffness that changes with the load at joint 2 (60 %), gear ripple at joints 1 to 6 (97 to 99 %), curves of no \
          known cause"
     );
     assert_eq!(rest.findings, [2, 3, 4, 5, 6, 7, 8]);
@@ -338,6 +338,6 @@ fn causes_stand_before_curves_and_of_a_shortened_table_errors_follow_each_other(
     assert_eq!(kinds(&short), [Plain, Finding, Finding, Rest, Whole]);
     assert_eq!(short[..3], verdict.rows[..3]);
     assert!(short.windows(2).all(|rows| (rows[0].after_mm - rows[1].before_mm).abs() < 1e-12), "{short:?}");
-    assert_eq!(short[3].text, "Other findings together: curves of no known cause; 1 more finding");
+    assert_eq!(short[3].text, "Also: curves of no known cause; 1 more finding");
     assert_eq!(verdict.shortened(2, 1)[3].text.matches("twist").count(), 1);
 }

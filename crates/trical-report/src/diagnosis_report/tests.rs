@@ -202,3 +202,21 @@ fn a_finding_of_several_waves_is_drawn_over_the_cycle_of_the_largest() {
     assert!(x.iter().all(|x| (0.0..36.0).contains(x)) && x.iter().any(|x| *x > 18.0));
     assert_eq!(over([3e-4, 0.0], 4e-4).0, "joint 2 within a 18.00 deg cycle, deg");
 }
+
+#[test]
+fn of_many_findings_the_largest_are_told_one_by_one_and_the_others_in_one_section() {
+    let mut d = crate::test_data::diagnosis();
+    let one = d.findings[0].clone();
+    let said = |d: &Diagnosis| {
+        let (all, smaller) = (all_findings(d).unwrap(), smaller_findings(d));
+        (all.heading, all.tables[0].len() - 1, smaller.map(|s| (s.heading, s.tables[0].len() - 1, s.after)))
+    };
+    d.findings = vec![one.clone(); SHOWN];
+    assert_eq!(said(&d), ("All findings".to_owned(), SHOWN, None));
+    d.findings.push(one);
+    let (heading, largest, smaller) = said(&d);
+    assert_eq!((heading.as_str(), largest), ("The largest findings", SHOWN));
+    let (heading, rows, each) = smaller.unwrap();
+    assert_eq!((heading.as_str(), rows, each.len()), ("1 smaller finding", 1, 1));
+    assert!(each[0].starts_with(&format!("{}. Changes sign with", SHOWN + 1)), "{each:?}");
+}

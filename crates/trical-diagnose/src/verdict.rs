@@ -469,7 +469,7 @@ fn rows(
     rows.extend(left.map(|u| {
         let place = at(&[u.site], "");
         let text = format!(
-            "Of what is left, {:.3} mm rms{place} depend on {}{}",
+            "Of what is left, {:.3} mm rms{place} goes with {}{}",
             u.rms_mm,
             variable(&u.variable, given.robot),
             period(&u.region).1

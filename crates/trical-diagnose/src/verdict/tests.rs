@@ -295,7 +295,7 @@ fn what_has_no_name_stands_in_the_table_at_its_size_with_what_to_do() {
             ),
             row("No known cause: change in the course of a session at joint 1", false),
             row(
-                "Of what is left, 0.030 mm rms at joint 5 depend on the angle of joint 4, the same every 0.04 deg",
+                "Of what is left, 0.030 mm rms at joint 5 goes with the angle of joint 4, the same every 0.04 deg",
                 false
             ),
             row("Whole model, 60 parameters", true),

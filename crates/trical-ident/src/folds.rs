@@ -278,11 +278,28 @@ fn usual_distance(joints: &[Joints]) -> f64 {
         .collect();
     let shuffled: Vec<Joints> = (0..n).map(|k| Joints::from_fn(|axis, _| joints[orders[axis][k]][axis])).collect();
     let every = n.div_ceil(SAMPLE).max(1);
-    let nearest: Vec<f64> = (0..n)
-        .step_by(every)
-        .map(|a| {
-            let others = (0..n).filter(|b| *b != a);
-            others.map(|b| (shuffled[a] - shuffled[b]).norm_squared()).fold(f64::INFINITY, f64::min).sqrt()
+    // in the order of the joint that is spread most, a search ends where this joint alone is farther away than the nearest so far
+    let axis = longest(shuffled.iter());
+    let mut order: Vec<usize> = (0..n).collect();
+    order.sort_by(|a, b| shuffled[*a][axis].total_cmp(&shuffled[*b][axis]));
+    let nearest: Vec<f64> = order
+        .iter()
+        .enumerate()
+        .filter(|(_, a)| *a % every == 0)
+        .map(|(at, a)| {
+            let mut least = f64::INFINITY;
+            let mut search = |others: &mut dyn Iterator<Item = &usize>| {
+                for other in others {
+                    let d = shuffled[*other] - shuffled[*a];
+                    if d[axis] * d[axis] >= least {
+                        break;
+                    }
+                    least = least.min(d.norm_squared());
+                }
+            };
+            search(&mut order[at + 1..].iter());
+            search(&mut order[..at].iter().rev());
+            least.sqrt()
         })
         .filter(|d| d.is_finite())
         .collect();

@@ -224,7 +224,7 @@ def compare(model: Model | PathLike, recording: PathLike | Recording, *, joints:
     visible (the smallest change that these poses would show nine times in ten), rejected, setup_of (whose tool and
     balls it is compared with), anew (what the model does not know), mean_mm, arm_mm (with the
     changes of tool and base), noise_mm, more_noise, each (all numbers beside the changes), temp_c, warmer (K), hash.
-    WrongModelError where the model does not know its uncertainty, or was fitted to this recording.
+    WrongModelError where the model does not know its uncertainty, or was fitted to these measurements.
     """
     session: dict[str, Any] = history(model, [recording], joints=joints)["sessions"][0]
     return session

@@ -11,6 +11,7 @@ use crate::fit::position_errors;
 use crate::identify::refit;
 use crate::initial_guess::initial_guess_of_sessions;
 use crate::model_file::ModelFile;
+use crate::repeated::Fingerprint;
 
 /// What is identified again for an instrument that was set up anew.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -105,8 +106,7 @@ pub(crate) fn adapted(
     setup_of: Option<u32>,
 ) -> Result<Adapted> {
     let joints = joints.unwrap_or(file.joints);
-    let fingerprints: Vec<String> = recordings.iter().map(crate::repeated::fingerprint).collect();
-    let mut places = places(file, cell, recordings, &fingerprints, refit);
+    let mut places = places(file, cell, recordings, refit);
     for (place, recording) in places.iter_mut().zip(recordings) {
         place.refit.targets &= setup_of.is_none();
         place.own = own_tool(file, recording, place);
@@ -167,19 +167,13 @@ pub(crate) fn score_session(model: &Model, data: &Dataset) -> Result<Vec<f64>> {
 
 /// Where each recording belongs. One that the model was learnt on has its frame there; of the others, those whose frame cannot be one of
 /// the model's get one of their own.
-fn places(
-    file: &ModelFile,
-    cell: &Cell,
-    recordings: &[Recording],
-    fingerprints: &[String],
-    refit: Option<Refit>,
-) -> Vec<Place> {
+fn places(file: &ModelFile, cell: &Cell, recordings: &[Recording], refit: Option<Refit>) -> Vec<Place> {
     let frames = file.model.frames.len();
     let framed = |r: &Recording| r.rows.iter().any(|row| row.measured.is_framed());
-    let learnt: Vec<Option<u32>> = fingerprints.iter().map(|f| file.session_of(f)).collect();
+    let learnt: Vec<Option<u32>> = recordings.iter().map(|r| file.session_of(&Fingerprint::of(r))).collect();
     let strangers = recordings.iter().zip(&learnt).filter(|(r, l)| framed(r) && l.is_none()).count();
     // as the contract has it: in that frame, where there is no doubt which one; files of before there were sessions go by order
-    let by_order_only = file.sessions.iter().all(|s| s.fingerprint.is_empty());
+    let by_order_only = file.sessions.iter().all(|s| s.fingerprint.whole.is_empty());
     let as_they_are = frames == 1 || (by_order_only && strangers == recordings.len() && strangers <= frames);
     let (mut next_frame, mut next_session, mut by_order) = (frames, file.sessions.len(), 0);
     recordings

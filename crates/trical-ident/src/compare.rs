@@ -32,7 +32,7 @@ use crate::fit::position_errors;
 use crate::model_file::ModelFile;
 use crate::noise::Noise;
 use crate::readings::averaged;
-use crate::repeated::fingerprint;
+use crate::repeated::Fingerprint;
 use crate::rigid::mean;
 
 pub use result::{Change, Changed, Comparison, Visible, capital};
@@ -66,7 +66,7 @@ pub fn compare(
     let adapted = adapted(file, cell, std::slice::from_ref(recording), joints, refit, Some(newest))?;
     if adapted.is_known() {
         return Err(IdentError::WrongModel(format!(
-            "{}: the model was fitted to this recording; expected a later one",
+            "{}: the model was fitted to these measurements; expected a later recording",
             recording.name
         )));
     }
@@ -90,7 +90,7 @@ pub fn compare(
     let of_arm = position_errors(&set_up, &adapted.data);
     let mut out = Comparison {
         recording: recording.name.clone(),
-        hash: fingerprint(recording),
+        hash: Fingerprint::of(recording).whole,
         measurements: adapted.data.observations.len(),
         rejected: adapted.data.rejected.clone(),
         setup_of: setup_of(file, newest),

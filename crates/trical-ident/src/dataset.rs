@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use trical_model::{Joints, Measured, Motion, Pose, Recording, Row, State, residual_rows};
 
 use crate::error::{IdentError, Result};
-use crate::repeated::refuse_repeated;
+use crate::repeated::{Fingerprint, refuse_repeated};
 use crate::rigid::{mean, median, median_point, rigid_from_points};
 
 /// Which joint angles the model is to believe.
@@ -97,8 +97,8 @@ pub struct References {
 pub struct Dataset {
     /// Names of the recordings.
     pub names: Vec<String>,
-    /// What tells each recording from others, whatever its name: see [`crate::repeated::fingerprint`].
-    pub fingerprints: Vec<String>,
+    /// What tells each recording from others, whatever its name.
+    pub fingerprints: Vec<Fingerprint>,
     /// Names of the places where the set of balls stood, of each recording; empty for one that does not say.
     pub places: Vec<Vec<String>>,
     /// The observations, in the order of the recordings.

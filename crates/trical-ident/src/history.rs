@@ -11,7 +11,7 @@ use crate::date::{by_date, day_in};
 use crate::error::{IdentError, Result};
 use crate::fit::position_errors;
 use crate::model_file::ModelFile;
-use crate::repeated::refuse_repeated;
+use crate::repeated::{Fingerprint, refuse_repeated};
 use crate::rigid::mean;
 
 /// Errors over sessions as a straight line.
@@ -69,7 +69,7 @@ pub fn history(
     need_mm: Option<f64>,
 ) -> Result<History> {
     refuse_repeated(recordings)?;
-    let is_later = |r: &&Recording| file.session_of(&crate::repeated::fingerprint(r)).is_none();
+    let is_later = |r: &&Recording| file.session_of(&Fingerprint::of(r)).is_none();
     let order = by_date(recordings.iter().map(|r| r.name.as_str())).unwrap_or_else(|| (0..recordings.len()).collect());
     let (later, own): (Vec<&Recording>, Vec<&Recording>) = order.iter().map(|k| &recordings[*k]).partition(is_later);
     let sessions = later.into_iter().map(|r| compare(cell, file, r, joints)).collect::<Result<Vec<_>>>()?;

@@ -16,6 +16,7 @@ use crate::error::{IdentError, Result};
 use crate::fit::orientation_errors;
 use crate::identifiability::plausibly_moved;
 use crate::identify::Identified;
+use crate::repeated::Fingerprint;
 use crate::units::{unit, unit_of_turning};
 
 /// A model as it is kept in a file.
@@ -173,8 +174,8 @@ impl ModelFile {
 pub struct Session {
     /// Its name.
     pub recording: String,
-    /// What tells it from others: see [`crate::repeated::fingerprint`].
-    pub fingerprint: String,
+    /// What tells it from others.
+    pub fingerprint: Fingerprint,
     /// Its measuring frame, counted from 1, if it has one.
     pub frame: Option<usize>,
     /// Names of the places where its balls stood: terms of [`Basis::place`] k belong to the k-th.
@@ -279,6 +280,9 @@ struct SessionFile {
     recording: String,
     #[serde(default)]
     fingerprint: String,
+    /// Of its measurements, 8 hexadecimal digits each: a part of the recording is known again.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    marks: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     frame: Option<usize>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -328,12 +332,18 @@ fn check_kind(text: &str) -> std::result::Result<(), String> {
     }
 }
 
+/// Marks of measurements as a session has them; what is no number there tells nothing.
+fn marks_of(text: &str) -> Vec<u32> {
+    let each = text.as_bytes().chunks(8).filter_map(|c| std::str::from_utf8(c).ok());
+    each.filter_map(|mark| u32::from_str_radix(mark, 16).ok()).collect()
+}
+
 impl SessionFile {
     fn read(self, robot: &Robot) -> Session {
         Session {
             visited: Support::from_stretches(robot, &self.visited),
             recording: self.recording,
-            fingerprint: self.fingerprint,
+            fingerprint: Fingerprint { whole: self.fingerprint, marks: marks_of(&self.marks) },
             frame: self.frame,
             places: self.places,
             temp_c: self.temp_c.filter(|t| t.is_finite()),
@@ -444,10 +454,10 @@ impl ModelFile {
         all.of_joints(|joint| rests(joint) || followed(joint))
     }
 
-    /// Session (from 1) that a recording with this fingerprint is.
+    /// Session (from 1) that a recording with this fingerprint is, or is a part of.
     #[must_use]
-    pub fn session_of(&self, fingerprint: &str) -> Option<u32> {
-        let k = self.sessions.iter().position(|s| !fingerprint.is_empty() && s.fingerprint == fingerprint)?;
+    pub fn session_of(&self, fingerprint: &Fingerprint) -> Option<u32> {
+        let k = self.sessions.iter().position(|s| fingerprint.is_of(&s.fingerprint))?;
         u32::try_from(k + 1).ok()
     }
 
@@ -497,7 +507,8 @@ impl ModelFile {
                 .iter()
                 .map(|s| SessionFile {
                     recording: s.recording.clone(),
-                    fingerprint: s.fingerprint.clone(),
+                    fingerprint: s.fingerprint.whole.clone(),
+                    marks: s.fingerprint.marks.iter().map(|mark| format!("{mark:08x}")).collect(),
                     frame: s.frame,
                     places: s.places.clone(),
                     visited: s.visited.stretches(),

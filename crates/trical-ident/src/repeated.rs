@@ -1,7 +1,6 @@
 //! What tells recordings from each other, and measurements that were given twice: they would count twice, and no error at unseen poses would be one.
 
 use std::collections::{HashMap, HashSet};
-use std::hash::{DefaultHasher, Hash, Hasher};
 
 use sha2::{Digest, Sha256};
 use trical_model::{Recording, Row};
@@ -11,25 +10,63 @@ use crate::error::{IdentError, Result};
 /// So many measurements in a row that are the same to the last bit come from one file, not from one arm.
 const CHANCE: usize = 5;
 
-/// What tells a recording from others, whatever its name or format: a hash of its joints and measurements, 16 hexadecimal digits.
-#[must_use]
-pub fn fingerprint(recording: &Recording) -> String {
-    let mut hash = Sha256::new();
-    for row in &recording.rows {
-        for value in row.state.q[..recording.joints].iter().chain(row.measured.lengths().1) {
-            hash.update(value.to_le_bytes());
+/// So many measurements of a recording tell a part of it.
+const MARKS: usize = 4096;
+
+/// What tells a recording from others, whatever its name or format.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Fingerprint {
+    /// A hash of its joints and measurements, 16 hexadecimal digits.
+    pub whole: String,
+    /// A hash of each measurement, each once and in order; the smallest ones of a recording with more than [`MARKS`].
+    pub marks: Vec<u32>,
+}
+
+impl Fingerprint {
+    fn new(recording: &Recording, mut marks: Vec<u32>) -> Self {
+        let mut hash = Sha256::new();
+        for row in &recording.rows {
+            for value in row.state.q[..recording.joints].iter().chain(row.measured.lengths().1) {
+                hash.update(value.to_le_bytes());
+            }
         }
+        marks.sort_unstable();
+        marks.dedup();
+        marks.truncate(MARKS);
+        Self { whole: hash.finalize()[..8].iter().map(|byte| format!("{byte:02x}")).collect(), marks }
     }
-    hash.finalize()[..8].iter().map(|byte| format!("{byte:02x}")).collect()
+
+    /// Of a recording.
+    #[must_use]
+    pub fn of(recording: &Recording) -> Self {
+        Self::new(recording, marks(recording))
+    }
+
+    /// Whether it is that recording, or half of its measurements are of it.
+    #[must_use]
+    pub fn is_of(&self, other: &Self) -> bool {
+        // of a long recording only measurements below the last that is kept can be looked for
+        let last = if other.marks.len() < MARKS { None } else { other.marks.last() };
+        let sought = self.marks.iter().filter(|m| last.is_none_or(|last| *m <= last));
+        let (there, not): (Vec<u32>, Vec<u32>) = sought.partition(|m| other.marks.binary_search(m).is_ok());
+        (!self.whole.is_empty() && self.whole == other.whole) || (there.len() >= CHANCE && there.len() >= not.len())
+    }
 }
 
 /// What tells a measurement from others: joints and what was measured.
-fn mark(row: &Row, joints: usize) -> u64 {
-    let mut hash = DefaultHasher::new();
+fn mark(row: &Row, joints: usize) -> u32 {
+    let mut hash = Sha256::new();
     let (_, lengths) = row.measured.lengths();
-    row.state.q[..joints].iter().chain(lengths).for_each(|x| x.to_bits().hash(&mut hash));
-    (row.measured.instrument(), row.measured.of_which()).hash(&mut hash);
-    hash.finish()
+    row.state.q[..joints].iter().chain(lengths).for_each(|x| hash.update(x.to_le_bytes()));
+    let (what, number) = row.measured.of_which().unwrap_or_default();
+    hash.update(row.measured.instrument());
+    hash.update(what);
+    hash.update(number.to_le_bytes());
+    hash.finalize()[..4].iter().fold(0, |mark, byte| mark << 8 | u32::from(*byte))
+}
+
+fn marks(recording: &Recording) -> Vec<u32> {
+    recording.rows.iter().map(|row| mark(row, recording.joints)).collect()
 }
 
 fn wrong(recording: &Recording, problem: String) -> IdentError {
@@ -41,18 +78,17 @@ fn wrong(recording: &Recording, problem: String) -> IdentError {
 ///
 /// # Errors
 /// One sentence that names both.
-pub fn refuse_repeated(recordings: &[Recording]) -> Result<Vec<String>> {
-    let prints: Vec<String> = recordings.iter().map(fingerprint).collect();
+pub fn refuse_repeated(recordings: &[Recording]) -> Result<Vec<Fingerprint>> {
+    let marks: Vec<Vec<u32>> = recordings.iter().map(marks).collect();
+    let prints: Vec<Fingerprint> = recordings.iter().zip(&marks).map(|(r, m)| Fingerprint::new(r, m.clone())).collect();
     for (k, print) in prints.iter().enumerate() {
-        if let Some(same) = prints[..k].iter().position(|p| p == print) {
+        if let Some(same) = prints[..k].iter().position(|p| p.whole == print.whole) {
             let problem =
                 format!("holds the same measurements as {}; expected each recording once", recordings[same].name);
             return Err(wrong(&recordings[k], problem));
         }
     }
-    let marks: Vec<Vec<u64>> =
-        recordings.iter().map(|r| r.rows.iter().map(|row| mark(row, r.joints)).collect()).collect();
-    let sets: Vec<HashSet<u64>> = marks.iter().map(|own| own.iter().copied().collect()).collect();
+    let sets: Vec<HashSet<u32>> = marks.iter().map(|own| own.iter().copied().collect()).collect();
     for (k, (recording, own)) in recordings.iter().zip(&marks).enumerate() {
         if let Some((again, first, length)) = within(own) {
             let rows = |from: usize| format!("{} to {}", from + 1, from + length);
@@ -78,8 +114,8 @@ pub fn refuse_repeated(recordings: &[Recording]) -> Result<Vec<String>> {
 }
 
 /// The first stretch of rows that are, one after the other, the same as a stretch above: where it begins, where that begins, how long.
-fn within(marks: &[u64]) -> Option<(usize, usize, usize)> {
-    let mut last: HashMap<u64, usize> = HashMap::new();
+fn within(marks: &[u32]) -> Option<(usize, usize, usize)> {
+    let mut last: HashMap<u32, usize> = HashMap::new();
     // from where on rows repeat those so many above, and how many are above
     let mut run: Option<(usize, usize)> = None;
     for k in 0..=marks.len() {
@@ -133,6 +169,25 @@ mod tests {
         let twice = recording("a", (0..30).chain(0..30));
         let expected = "a: rows 31 to 60 hold the same measurements as rows 1 to 30; expected each measurement once";
         assert_eq!(told(&[twice]), expected);
+    }
+
+    #[test]
+    fn a_part_of_a_recording_is_known_again_and_one_with_some_of_its_poses_is_another() {
+        let print = |rows: std::ops::Range<u32>| Fingerprint::of(&recording("", rows));
+        let (short, long) = (print(0..30), print(0..20_000));
+        assert_eq!((short.marks.len(), long.marks.len()), (30, MARKS));
+        for part in [print(0..30), print(10..18), print(15..45)] {
+            assert!(part.is_of(&short));
+        }
+        assert!(!print(20..45).is_of(&short) && !print(0..4).is_of(&short) && !print(40..90).is_of(&short));
+        // of a long one a fifth of its measurements is kept
+        assert!(
+            print(300..400).is_of(&long) && !print(20_000..20_400).is_of(&long) && !print(19_900..21_000).is_of(&long)
+        );
+        // files of before there were marks
+        let whole = |of: &Fingerprint| Fingerprint { marks: Vec::new(), ..of.clone() };
+        assert!(short.is_of(&whole(&short)) && !long.is_of(&whole(&short)));
+        assert!(!Fingerprint::default().is_of(&Fingerprint::default()));
     }
 
     #[test]

@@ -394,7 +394,11 @@ fn a_model_without_its_uncertainty_and_its_own_recording_are_refused() {
     let mut file = calibrated(&truth);
     let own = Recording { name: "old.csv".into(), ..crate::arm::touch(&truth, 90, NOISE, 1) };
     let e = compare(&truth.cell, &file, &own, None).unwrap_err().to_string();
-    assert_eq!(e, "old.csv: the model was fitted to this recording; expected a later one");
+    assert_eq!(e, "old.csv: the model was fitted to these measurements; expected a later recording");
+    // and so is a part of it
+    let part = Recording { name: "part.csv".into(), rows: own.rows[20..32].to_vec(), ..own };
+    let e = compare(&truth.cell, &file, &part, None).unwrap_err().to_string();
+    assert_eq!(e, "part.csv: the model was fitted to these measurements; expected a later recording");
     file.uncertainty = None;
     let e = compare(&truth.cell, &file, &later(&truth, None, "new.csv", 2), None).unwrap_err().to_string();
     assert!(e.starts_with("the model file does not say how uncertain it is ([uncertainty])"), "{e}");
@@ -435,7 +439,7 @@ fn dates_in_the_names_say_which_session_was_first() {
     let truth = truth();
     let file = calibrated(&truth);
     let of = |name: &str, seed| later(&truth, None, name, seed);
-    let sessions = [of("u 2026-03-01.csv", 1), of("v 2026-01-31.csv", 2), of("w 2026-02-01.csv", 3)];
+    let sessions = [of("u 2026-03-01.csv", 4), of("v 2026-01-31.csv", 2), of("w 2026-02-01.csv", 3)];
     let h = history(&truth.cell, &file, &sessions, None, None).unwrap();
     let names: Vec<&str> = h.sessions.iter().map(|s| s.recording.as_str()).collect();
     assert_eq!(names, ["v 2026-01-31.csv", "w 2026-02-01.csv", "u 2026-03-01.csv"]);

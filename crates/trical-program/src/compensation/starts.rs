@@ -336,6 +336,13 @@ impl Compensator<'_> {
         ws: &mut Workspace,
     ) -> Result<Joints, String> {
         let nominal = &self.arms[arm].nominal;
+        if self.dof > 6 {
+            // the controller chooses by rules of its own, and how far the arm is off depends on it
+            return Err(format!(
+                "a pose, which an arm of {} joints reaches in infinitely many ways; expected joint values",
+                self.dof
+            ));
+        }
         let off = self.scan.configuration_off || self.options.any_configuration;
         let demanded = if off { Configuration::Free } else { demanded };
         let seed = State::at(last);

@@ -1,11 +1,12 @@
-//! Arms of four and five joints: the tool's point is brought to its place, its axes as near as the joints allow.
+//! Arms of four and five joints: the tool's point is brought to its place, its axes as near as the joints allow. And of seven, whose poses do not say
+//! how the arm stands.
 
 use trical_model::pose::rotation_vector;
 use trical_model::{Basis, Forward, Joints, Model, Parameter, Pose, Robot, Site, State, Term};
 use trical_program::{Dialect, Frames};
 
 use crate::fixtures::{IRB, device, joints, mm, nominal, numbers, quaternion, real};
-use crate::run;
+use crate::{run, unmarked};
 
 fn with_five_joints() -> Model {
     let (arm, _) = IRB.rsplit_once("[[joint]]").unwrap();
@@ -76,4 +77,53 @@ fn joints_and_poses_of_an_arm_whose_third_joint_slides_are_read() {
         assert!(report.problems.is_empty(), "{:?}", report.problems);
         assert!(report.before[1] > 3e-4 && report.after[1] < 2e-7, "{:?} {:?}", report.before, report.after);
     }
+}
+
+/// A Panda's lengths.
+const SEVEN: [[f64; 3]; 7] = [
+    [0.0, 0.0, 333.0],
+    [-90.0, 0.0, 0.0],
+    [90.0, 0.0, 316.0],
+    [90.0, 82.5, 0.0],
+    [-90.0, -82.5, 384.0],
+    [90.0, 0.0, 0.0],
+    [90.0, 88.0, 107.0],
+];
+
+#[test]
+fn of_an_arm_of_seven_joints_joint_values_are_corrected_and_poses_are_listed() {
+    let joint = |[alpha, a, d]: &[f64; 3]| {
+        format!(
+            "[[joint]]\nalpha_deg = {alpha}\na_mm = {a}\nd_mm = {d}\ntheta_offset_deg = 0\nlimits_deg = [-175, 175]\n"
+        )
+    };
+    let arm = format!("name = \"seven\"\n{}", SEVEN.iter().map(joint).collect::<String>());
+    let nominal = Model { robot: Robot::parse(&arm, "seven.toml").unwrap(), ..nominal(IRB) };
+    let mut model = nominal.clone();
+    for (link, parameter, value) in
+        [(2, Parameter::Alpha, 1e-3), (3, Parameter::A, 0.8e-3), (4, Parameter::Theta, 2e-3)]
+    {
+        let site = Site::Link { link, parameter };
+        model.terms.push(Term { value, ..Term::new(format!("{parameter:?}"), "test", site, Basis::CONSTANT) });
+    }
+    let places = [[10.0, 20.0, -15.0, -100.0, 30.0, 110.0, 40.0], [-30.0, 35.0, 10.0, -80.0, -20.0, 90.0, 10.0]];
+    let radians = |q: &[f64]| q.iter().map(|q| q.to_radians()).collect::<Vec<_>>();
+    let base_from_world = nominal.cell.world_from_base.inverse();
+    let by_joints: String = places.iter().map(|q| numbers(q) + "\n").collect();
+    let text = format!("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,q7_deg\n{by_joints}");
+    let (_, report) = run(text.as_bytes(), Dialect::Csv, &nominal, &model, &Frames::default());
+    assert!(report.problems.is_empty() && report.rewritten == 2, "{:?}", report.problems);
+    assert!(report.before[1] > 5e-4 && report.after[1] < 2e-7, "{:?} {:?}", report.before, report.after);
+    let by_poses: String = places
+        .iter()
+        .map(|q| {
+            let p = base_from_world.compose(&tool(&nominal, &radians(q)));
+            format!("{},{}\n", numbers(&mm(&p)), quaternion(&p))
+        })
+        .collect();
+    let text = format!("x_mm,y_mm,z_mm,qw,qx,qy,qz\n{by_poses}");
+    let (out, report) = run(text.as_bytes(), Dialect::Csv, &nominal, &model, &Frames::default());
+    let said: Vec<String> = report.problems.iter().map(ToString::to_string).collect();
+    assert!(said.len() == 2 && report.rewritten == 0 && unmarked(&out) == text.as_bytes(), "{said:?}");
+    assert!(said[0].contains("an arm of 7 joints reaches in infinitely many ways; expected joint values"), "{said:?}");
 }

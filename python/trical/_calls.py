@@ -456,6 +456,7 @@ def compensate(
     temp_c: float | None = None,
     time_s: float | None = None,
     seq: float | None = None,
+    session: str | int | None = None,
     payload_kg: float | None = None,
     any_configuration: bool = False,
     own_base: bool = False,
@@ -463,7 +464,9 @@ def compensate(
     """Rewrite a robot program so that the arm of `model` goes where the program says, as `trical compensate` does.
 
     `model` is a Model or the path of a model file. The file `out` is written completely or not at all. Without it
-    nothing is written, and the answer has `rows`: each target with its error before and after. Keys: targets,
+    nothing is written, and the answer has `rows`: each target with its error before and after. `time_s` or `seq` is a
+    moment of a session of the model: `session`, by its recording or its number from 1, or else the first in which
+    something happened. Keys: targets,
     largest_move_mm, problems (what is not rewritten: line and reason), before, after, meant_with, relative (motions
     relative to rewritten targets, and how far they are off); where there are any, cautions, read_with and written
     (files of the program beside the one that was named).
@@ -472,6 +475,7 @@ def compensate(
     given["frames"] = [os.fspath(f) for f in ([frames] if isinstance(frames, str | os.PathLike) else frames)]
     given |= {"tool": tool, "frame": frame, "temp_c": temp_c, "time_s": time_s, "seq": seq, "payload_kg": payload_kg}
     given |= {"any_configuration": any_configuration, "own_base": own_base}
+    given["session"] = None if session is None else str(session)
     text = _native._compensate(path_of(program), _model(model), _machine(robot, cell), given)
     result: dict[str, Any] = json.loads(text)
     return result

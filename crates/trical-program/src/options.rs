@@ -42,6 +42,11 @@ pub struct Options {
     pub time_s: Option<f64>,
     /// When the program runs, in poses, for models of recordings without times.
     pub seq: Option<f64>,
+    /// In which session of the model it runs, by its recording or its number (from 1), where `time_s` or `seq` says when; not given, the first in which
+    /// something happened.
+    pub session: Option<String>,
+    /// Recordings that the model came from, one for each of its sessions.
+    pub sessions: Vec<String>,
     /// Mass on the flange beyond the tool, kg.
     pub payload_kg: Option<f64>,
     /// Take the solution nearest to the target before, whatever configuration the text demands.

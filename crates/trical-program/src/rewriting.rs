@@ -11,7 +11,9 @@ use trical_model::pose::rotation_vector;
 use trical_model::{Cell, Model, Pose, Robot, Scope, Term, Variable};
 
 use crate::branch::Configuration;
-use crate::compensation::{Compensator, Done, MOST_RELATIVE, Shifted, Start, by_measured_torque, settle_unnamed};
+use crate::compensation::{
+    Compensator, Done, MOST_RELATIVE, Shifted, Start, by_measured_torque, eventful, settle_unnamed,
+};
 use crate::dialects::{Dialect, MARK, poses_csv};
 use crate::elsewhere::{Elsewhere, Nowhere};
 use crate::error::ProgramError;
@@ -111,6 +113,7 @@ pub fn compensate(
     report.cautions.extend(other_cell(nominal, model, options));
     report.cautions.extend(without_torques(model));
     report.cautions.extend(as_it_began(model, options));
+    report.cautions.extend(first_of_several(model, options));
     report.cautions.extend(few_joints(&nominal.robot));
     Ok(report)
 }
@@ -339,6 +342,20 @@ fn as_it_began(model: &Model, options: &Options) -> Option<String> {
             effects.join(", ")
         )
     })
+}
+
+/// Several sessions in which something happened, of which nobody said in which the program runs.
+fn first_of_several(model: &Model, options: &Options) -> Option<String> {
+    let is_unsaid = options.time_s.or(options.seq).is_some() && options.session.is_none();
+    let all: Vec<u32> = eventful(model).into_iter().filter(|_| is_unsaid).collect();
+    let [first, _, ..] = all[..] else { return None };
+    let name =
+        |k: u32| options.sessions.get(k as usize - 1).map_or_else(|| k.to_string(), |name| format!("{k} ({name})"));
+    Some(format!(
+        "something happened in the course of sessions {}: the arm is taken as it was in session {first} ({} says another)",
+        all.iter().map(|k| name(*k)).collect::<Vec<_>>().join(", "),
+        options.spelling.with("session", "NAME")
+    ))
 }
 
 /// A cell that is not the one of the fit, in one sentence.

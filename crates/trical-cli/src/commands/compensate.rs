@@ -54,6 +54,10 @@ pub struct Args {
     /// The same for a model of a recording without times: after how many of its poses (seq)
     #[arg(long, value_name = "N", conflicts_with = "time_s")]
     seq: Option<f64>,
+    /// Of which session of the model that moment is: its recording, or its number from 1 [default: the first in which something
+    /// happened]
+    #[arg(long, value_name = "NAME")]
+    session: Option<String>,
     /// Mass on the flange beyond the tool's own, kg
     #[arg(long, value_name = "M")]
     payload_kg: Option<f64>,
@@ -133,6 +137,8 @@ pub fn run(args: &Args) -> Result<()> {
         temp_c: args.temp_c,
         time_s: args.time_s,
         seq: args.seq,
+        session: args.session.clone(),
+        sessions: file.recordings().into_iter().map(Into::into).collect(),
         payload_kg: args.payload_kg,
         any_configuration: args.any_configuration,
         own_base: args.own_base,

@@ -1,6 +1,6 @@
 //! Everything that targets need, made once: both arms with every tool, and the frames.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 use trical_model::{
     Forward, Joints, MAX_JOINTS, Measured, Model, Pose, Robot, Scope, Shape, Site, State, Term, Variable, Workspace,
@@ -55,6 +55,39 @@ fn when(said: Option<f64>, variable: Variable, model: &Model) -> Option<f64> {
     let ends = |t: &Term| matches!(t.basis.shape, Shape::WarmUp { .. } | Shape::Step { .. } | Shape::Tent { .. });
     let all_end = model.terms.iter().filter(|t| t.basis.of == variable).all(ends);
     said.or(all_end.then_some(LONG_AFTER))
+}
+
+/// Sessions in whose course something happened to the tool's place.
+pub(crate) fn eventful(model: &Model) -> BTreeSet<u32> {
+    let of_course = |t: &&Term| t.scope() == Scope::Course && t.moves_tool();
+    model.terms.iter().filter(of_course).filter_map(|t| t.basis.session).collect()
+}
+
+/// The session in which a program runs, from 1: what happened in the course of one is the arm's at a stated moment of that session only.
+fn session(model: &Model, options: &Options) -> Result<Option<u32>, ProgramError> {
+    let is_moment = options.time_s.or(options.seq).is_some();
+    let Some(asked) = &options.session else { return Ok(eventful(model).first().copied().filter(|_| is_moment)) };
+    let [setting, time_s, seq] = ["session", "time_s", "seq"].map(|setting| options.spelling.of(setting));
+    if !is_moment {
+        let what = format!(
+            "{setting}: found without {time_s} or {seq}, expected with one of them: when in this session the program runs"
+        );
+        return Err(ProgramError::Input(what));
+    }
+    let named: Vec<u32> = (1..).zip(&options.sessions).filter(|(_, name)| *name == asked).map(|(k, _)| k).collect();
+    let numbered = (1..).zip(&options.sessions).find_map(|(k, _)| (asked.parse() == Ok(k)).then_some(k));
+    match named[..] {
+        [one] => Ok(Some(one)),
+        [] if numbered.is_some() => Ok(numbered),
+        _ => {
+            let all: Vec<String> =
+                (1..).zip(&options.sessions).map(|(k, name): (u32, _)| format!("{k} ({name})")).collect();
+            let all = if all.is_empty() { "it has none".to_owned() } else { all.join(", ") };
+            Err(ProgramError::Input(format!(
+                "{setting}: found '{asked}', expected a session of the model by its number or its recording: {all}"
+            )))
+        }
+    }
 }
 
 fn site_of_device(site: &Site) -> bool {
@@ -118,11 +151,7 @@ impl<'a> Compensator<'a> {
             dof: carried.dof(),
             t: when(options.time_s, Variable::Time, &model),
             seq: when(options.seq, Variable::Seq, &model),
-            // what happened in the course of a session is the arm's at a stated moment of that session only
-            session: options
-                .time_s
-                .or(options.seq)
-                .and_then(|_| model.terms.iter().filter(|t| t.scope() == Scope::Course).find_map(|t| t.basis.session)),
+            session: session(&model, options)?,
             options,
         };
         this.check_needs(&model)?;

@@ -7,7 +7,7 @@ mod starts;
 mod unnamed;
 
 pub use arms::Compensator;
-pub(crate) use arms::by_measured_torque;
+pub(crate) use arms::{by_measured_torque, eventful};
 pub use rewrite::Done;
 pub use starts::{MOST_RELATIVE, Shifted, Start};
 pub use unnamed::settle_unnamed;

@@ -1,6 +1,6 @@
 //! What the errors depend on beside the joints: temperature, time, loads.
 
-use trical_model::{Basis, Shape, Site, Term, Variable};
+use trical_model::{Axis, Basis, Motion, Shape, Site, Term, Variable};
 use trical_program::{Dialect, Frames, Options, Program, compensate};
 
 use crate::fixtures::{IRB, KR6, nominal, real};
@@ -40,6 +40,37 @@ fn a_program_runs_long_after_the_recording_unless_it_is_said_when() {
     assert!((moved(warm_up, 2e-4, None).unwrap() - warm).abs() < 1e-9);
     assert!(moved(Shape::Linear, 2e-7, None).unwrap_err().contains("seq says"));
     assert!(moved(Shape::Linear, 2e-7, Some(1000.0)).is_ok());
+}
+
+#[test]
+fn a_moment_is_one_of_the_session_that_is_said_and_else_of_the_first_in_which_something_happened() {
+    let n = nominal(IRB);
+    let mut model = n.clone();
+    for (session, value) in [(2, 1e-3), (3, 3e-3)] {
+        let basis = Basis::new(Variable::Time, Shape::Step { at: 10.0 }).in_session(session);
+        let site = Site::Tool(Motion::Along(Axis::Z));
+        model.terms.push(Term { value, ..Term::new(format!("slip_{session}"), "tool_slip", site, basis) });
+    }
+    let of = |session: Option<&str>, time_s: Option<f64>| {
+        let sessions = ["mon.csv", "tue.csv", "wed.csv", "mon.csv"].map(String::from).to_vec();
+        let options = Options { time_s, session: session.map(Into::into), sessions, ..Options::default() };
+        let program = b"q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n0,0,0,0,30,0\n";
+        let frames = Frames::default();
+        compensate(Program::of_file(program, "p", Dialect::Csv, &mut Vec::new()), &n, &model, &frames, &options)
+            .map(|report| ((report.before[1] * 1e6).round(), report.cautions.join(" ")))
+            .map_err(|e| e.to_string())
+    };
+    for (session, error) in [("tue.csv", 1000.0), ("2", 1000.0), ("wed.csv", 3000.0), ("1", 0.0)] {
+        assert_eq!(of(Some(session), Some(60.0)).unwrap(), (error, String::new()), "{session}");
+    }
+    let (error, said) = of(None, Some(60.0)).unwrap();
+    assert!(error == 1000.0 && said.contains("sessions 2 (tue.csv), 3 (wed.csv)"), "{said}");
+    assert!(said.contains("in session 2 (session says another)"), "{said}");
+    for wrong in ["thu.csv", "5", "0", "mon.csv"] {
+        let e = of(Some(wrong), Some(60.0)).unwrap_err();
+        assert!(e.contains(&format!("session: found '{wrong}'")) && e.contains("1 (mon.csv), 2 (tue.csv), 3"), "{e}");
+    }
+    assert!(of(Some("tue.csv"), None).unwrap_err().contains("expected with one of them"));
 }
 
 #[test]

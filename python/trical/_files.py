@@ -87,7 +87,8 @@ def export(
     Returns:
         robot, written, left_out (terms that a table cannot hold), left_out_rms_mm and left_out_max_mm (how far they
         move the TCP at 1000 random poses), same_frames (whether the table compares with the nominal one line by
-        line), and error_map (a summary, or None).
+        line), cautions (what the files have no place for: the tool that was identified), flange_from_tcp, and error_map
+        (a summary, or None).
     """
     files = {"urdf": urdf, "mdh": mdh, "error_map": error_map, "ur_kinematics": ur_kinematics}
     if not any(files.values()):

@@ -87,9 +87,10 @@ pub fn _export(
             poses,
         };
         let (texts, map) = arm.texts(&to, given.as_ref(), (&name, "calib_trical"))?;
+        let cautions = arm.cautions(&to, given.as_ref())?;
         texts.iter().try_for_each(|(out, text)| write(out, text.as_bytes()))?;
         let written: Vec<String> = texts.iter().map(|(out, _)| out.display().to_string()).collect();
-        Ok(arm.json(&written, map.as_ref()))
+        Ok(arm.json(&written, map.as_ref(), &cautions))
     })?;
     Ok(said.to_string())
 }

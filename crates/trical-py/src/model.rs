@@ -8,9 +8,9 @@ use numpy::{IntoPyArray, PyArray2};
 use pyo3::prelude::*;
 use trical_ident::{JointSource, ModelFile, shown};
 use trical_model::ik::nearest_solution;
-use trical_model::{Cell, Forward, Joints, MAX_JOINTS, Model, Pose, Rigid, State, Workspace, urdf};
-use trical_report::ErrorMap;
+use trical_model::{Cell, Forward, Joints, MAX_JOINTS, Model, Pose, Rigid, State, Workspace};
 use trical_report::error_map::Miss;
+use trical_report::{ErrorMap, Export};
 
 use crate::arguments::path_of;
 use crate::arrays::{Beside, Known, Table, floats, joints_array, rows_or_one};
@@ -189,10 +189,7 @@ impl PyModel {
 
     /// The rigid part as the text of a URDF, from link "world" over "base_link", "link_1" ... to "flange" and "tcp".
     fn to_urdf(&self) -> Result<String> {
-        let rigid = self.file.model.rigid()?;
-        let left_out: Vec<String> = rigid.left_out.iter().map(|t| t.name.clone()).collect();
-        let remark = if left_out.is_empty() { vec![] } else { vec![format!("Left out: {}", left_out.join(", "))] };
-        Ok(urdf::write(&rigid.robot, &rigid.cell, &remark))
+        Ok(Export::of(&self.file.model)?.urdf("a model in Python"))
     }
 
     /// Writes the rigid part as a URDF.

@@ -30,6 +30,7 @@ impl ErrorMap {
     /// the arm in the cell does not count, nor does the tool: both arms carry the one that was identified. Time, temperature and sense
     /// of motion do not count either: a pose does not have them.
     pub fn of(model: &Model, poses: usize) -> Result<Self> {
+        let model = &model.clone().with_seen_tcp();
         let mut standing = model.clone();
         standing.terms.retain(|t| !matches!(t.site, Site::Base(_)));
         let real = Forward::new(standing, Vec::new())?;

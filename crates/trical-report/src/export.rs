@@ -5,7 +5,7 @@ use std::path::Path;
 use rand::{RngExt, SeedableRng};
 use serde_json::json;
 use trical_ident::{ErrorSummary, unit};
-use trical_model::calibrated::{corrected_file, ur_kinematics};
+use trical_model::calibrated::{corrected_file, ur_kinematics, wrist_from_flange};
 use trical_model::pose::angles_zyx;
 use trical_model::robot::tidy;
 use trical_model::urdf::{self, UrdfPath};
@@ -41,6 +41,9 @@ struct LeftOut {
     rms_mm: f64,
     max_mm: f64,
 }
+
+/// So near are two tools or flanges the same one, m and rad.
+const SAME: f64 = 1e-7;
 
 /// Poses at which the model is compared with its rigid part.
 const POSES: usize = 1000;
@@ -93,14 +96,15 @@ pub struct Export {
 }
 
 impl Export {
-    /// Of a model, its rigid part.
+    /// Of a model, its rigid part, with the tool that programs are compensated for ([`Model::with_seen_tcp`]).
     ///
     /// # Errors
     /// A model that has none.
     pub fn of(model: &Model) -> Result<Self> {
+        let model = model.clone().with_seen_tcp();
         let rigid = model.rigid()?;
-        let left_out = LeftOut::of(model, &rigid)?;
-        Ok(Self { model: model.clone(), rigid, left_out })
+        let left_out = LeftOut::of(&model, &rigid)?;
+        Ok(Self { model, rigid, left_out })
     }
 
     /// The texts of all files, and of an error map how large the errors are. A URDF is the `given` one, corrected, where there is one; `source` is what
@@ -204,18 +208,44 @@ impl Export {
         self.left_out.sentences()
     }
 
-    /// Where the tool is, of which a URDF of somebody else's has nothing; `None` where it is as the cell file says.
-    #[must_use]
-    pub fn tool_sentence(&self) -> Option<String> {
+    /// What the files have no place for and whoever uses them has to enter: the tool that was identified, and where the flange is behind the last
+    /// frame.
+    ///
+    /// # Errors
+    /// A model of which [`Self::texts`] has none.
+    pub fn cautions(&self, to: &Outputs<'_>, given: Option<&UrdfPath>) -> Result<Vec<String>> {
+        let of_lines = |out: &&Path| out.extension().is_some_and(|e| e != "json");
+        let without_tool = [to.urdf.filter(|_| given.is_some()), to.ur_kinematics, to.mdh.filter(of_lines)];
+        let names: Vec<String> = without_tool.iter().flatten().map(|out| out.display().to_string()).collect();
+        let mut told: Vec<String> =
+            self.tool_sentence(&names.join(" and ")).filter(|_| !names.is_empty()).into_iter().collect();
+        if let Some(out) = to.ur_kinematics {
+            let flange = wrist_from_flange(&self.model.robot)?;
+            // a quarter turn is how others place the same flange
+            let is_whole = flange.rotation.iter().all(|x| (x - x.round()).abs() < SAME);
+            told.extend((!is_whole || flange.translation.norm() > SAME).then(|| {
+                format!(
+                    "{} ends at wrist_3, and the driver takes that for the flange. The flange of this arm is behind it at {} (delta_a and delta_alpha of \
+                     joint 6 in the calibration.conf, for which the file has no place): add this to the tool in the program that uses the file.",
+                    out.display(),
+                    in_words(&flange)
+                )
+            }));
+        }
+        Ok(told)
+    }
+
+    /// Where the tool is, of which these files have nothing; `None` where it is as the cell file says.
+    fn tool_sentence(&self, files: &str) -> Option<String> {
         let (was, now) = (&self.model.cell.tool, &self.rigid.cell.tool);
         let moved = (now.tcp - was.tcp).norm();
         let turned = (was.rotation.transpose() * now.rotation - nalgebra::Matrix3::identity()).norm();
-        (moved > 1e-7 || turned > 1e-7).then(|| {
-            let [x, y, z] = [now.tcp.x, now.tcp.y, now.tcp.z].map(|x| x * 1e3);
-            let [a, b, c] = angles_zyx(&now.rotation).map(|a| (a.to_degrees() * 1e4).round() / 1e4 + 0.0);
+        (moved > SAME || turned > SAME).then(|| {
+            let tool = Pose { rotation: now.rotation, translation: now.tcp };
             format!(
-                "The tool is not part of that URDF, and was identified with the arm: behind the corrected flange its TCP is at {x:.4}, {y:.4}, {z:.4} mm \
-                 with zyx_deg {a:.4}, {b:.4}, {c:.4}, {:.4} mm from where the cell file has it. Enter this tool in the program that uses the URDF.",
+                "The tool is not part of {files}, and was identified with the arm: behind the calibrated flange its TCP is at {}, {:.4} mm from where the \
+                 cell file has it. Enter this tool in the program that uses the file.",
+                in_words(&tool),
                 moved * 1e3
             )
         })
@@ -223,9 +253,10 @@ impl Export {
 
     /// What was written and what was left out, as JSON.
     #[must_use]
-    pub fn json(&self, written: &[String], errors: Option<&ErrorSummary>) -> serde_json::Value {
+    pub fn json(&self, written: &[String], errors: Option<&ErrorSummary>, cautions: &[String]) -> serde_json::Value {
         json!({
             "written": written,
+            "cautions": cautions,
             "error_map": errors,
             "robot": self.rigid.robot.name,
             "left_out": self.left_out.names,
@@ -240,6 +271,13 @@ impl Export {
         let tool = &self.rigid.cell.tool;
         pose(&Pose { rotation: tool.rotation, translation: tool.tcp })
     }
+}
+
+/// A pose in mm and deg, in words.
+fn in_words(p: &Pose) -> String {
+    let [x, y, z] = [p.translation.x, p.translation.y, p.translation.z].map(|x| (x * 1e7).round() / 1e4 + 0.0);
+    let [a, b, c] = angles_zyx(&p.rotation).map(|a| (a.to_degrees() * 1e4).round() / 1e4 + 0.0);
+    format!("{x:.4}, {y:.4}, {z:.4} mm with zyx_deg {a:.4}, {b:.4}, {c:.4}")
 }
 
 /// A pose in mm and deg.
@@ -290,7 +328,8 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::test_data::arm;
-    use trical_model::{Axis, Basis, Motion, Parameter, Shape, Site, Term, Variable};
+    use trical_model::calibrated::calibrated_by_maker;
+    use trical_model::{Axis, Basis, Cell, Motion, Parameter, Shape, Site, Term, Variable};
 
     fn term(name: &str, site: Site, basis: Basis, value: f64) -> Term {
         Term { value, ..Term::new(name, "geometry", site, basis) }
@@ -302,7 +341,7 @@ mod tests {
         let mut model = arm();
         let swing = Basis::new(Variable::Joint { joint: 1 }, Shape::Sine { cycles: 1.0 });
         model.terms.push(term("swing", Site::Tool(Motion::Along(Axis::X)), swing, 2e-3));
-        let told = Export::of(&model).unwrap().json(&[], None);
+        let told = Export::of(&model).unwrap().json(&[], None, &[]);
         let a = model.robot.joints[0].limits[1];
         let rms = 2.0 * (0.5 - (2.0 * a).sin() / (4.0 * a)).sqrt();
         assert!((told["left_out_rms_mm"].as_f64().unwrap() - rms).abs() < 0.03 * rms, "{told} {rms}");
@@ -313,7 +352,53 @@ mod tests {
         );
         let rigid = Export::of(&arm()).unwrap();
         assert!(
-            rigid.sentences()[0].starts_with("Nothing is left out") && rigid.json(&[], None)["left_out_max_mm"] == 0.0
+            rigid.sentences()[0].starts_with("Nothing is left out")
+                && rigid.json(&[], None, &[])["left_out_max_mm"] == 0.0
+        );
+    }
+
+    /// The same tool whether it was identified as such or as the only target, which a tracker saw at the TCP.
+    #[test]
+    fn the_tcp_that_a_tracker_saw_is_the_exported_tool_and_files_without_a_tool_say_where_it_is() {
+        let at = |site: Site| {
+            let mut model = arm();
+            model.cell.tool.targets = vec![model.cell.tool.tcp];
+            model.terms.push(term("y", site, Basis::CONSTANT, 0.7e-3));
+            Export::of(&model).unwrap()
+        };
+        let tool = at(Site::Tool(Motion::Along(Axis::Y)));
+        let seen = at(Site::Target { target: 1, axis: Axis::Y });
+        let moved = seen.rigid.cell.tool.tcp - seen.model.cell.tool.tcp;
+        assert!((moved.y - 0.7e-3).abs() < 1e-12 && seen.urdf("m") == tool.urdf("m"), "{moved}");
+        let to = Outputs { urdf: None, ur_kinematics: None, mdh: Some(Path::new("t.csv")), error_map: None, poses: 1 };
+        let told = seen.cautions(&to, None).unwrap();
+        assert!(
+            told.len() == 1 && told[0].contains("not part of t.csv") && told[0].contains("0.7000 mm from"),
+            "{told:?}"
+        );
+        // a new URDF and a table in JSON have the tool
+        let with = Outputs { urdf: Some(Path::new("a.urdf")), mdh: Some(Path::new("t.json")), ..to };
+        assert!(seen.cautions(&with, None).unwrap().is_empty());
+    }
+
+    #[test]
+    fn what_a_controller_has_behind_joint_6_is_told_where_the_drivers_file_cannot_hold_it() {
+        let ur5e = Robot::parse(include_str!("../../../robots/ur5e.toml"), "ur5e.toml").unwrap();
+        let to = Outputs { urdf: None, ur_kinematics: Some(Path::new("k.yaml")), mdh: None, error_map: None, poses: 1 };
+        let told = |a: f64| {
+            let text =
+                ["delta_theta", "delta_d", "delta_alpha"].map(|n| format!("{n} = [0, 0, 0, 0, 0, 0]\n")).concat();
+            let text = format!("{text}delta_a = [0.0001, 0, 0, 0, 0, {a}]\n");
+            let robot = calibrated_by_maker(&ur5e, &text, "calibration.conf").unwrap();
+            Export::of(&Model::nominal(robot, Cell::bare())).unwrap().cautions(&to, None).unwrap()
+        };
+        assert_eq!(told(0.0), [""; 0]);
+        let said = told(0.0007);
+        assert!(
+            said.len() == 1
+                && said[0].contains("k.yaml ends at wrist_3")
+                && said[0].contains("0.7000, 0.0000, 0.0000 mm"),
+            "{said:?}"
         );
     }
 

@@ -68,10 +68,11 @@ pub fn run(args: &Args) -> Result<()> {
     };
     // all of them, before the first is written
     let (outputs, map) = arm.texts(&to, given.as_ref(), (&args.model.display().to_string(), &hash))?;
+    let cautions = arm.cautions(&to, given.as_ref())?;
     outputs.iter().try_for_each(|(out, text)| write_whole(out, text.as_bytes()))?;
     let written: Vec<String> = outputs.iter().map(|(out, _)| out.display().to_string()).collect();
     if args.json {
-        return say_json(&arm.json(&written, map.as_ref()));
+        return say_json(&arm.json(&written, map.as_ref(), &cautions));
     }
     say(format!("Wrote {}", written.join(" and ")))?;
     if let Some(e) = map {
@@ -89,6 +90,5 @@ pub fn run(args: &Args) -> Result<()> {
         )?;
     }
     say_lines(arm.sentences())?;
-    say_lines(arm.tool_sentence().filter(|_| given.is_some()).iter().flat_map(|t| table::wrapped(t, LINE, "")))?;
-    Ok(())
+    say_lines(cautions.iter().flat_map(|t| table::wrapped(t, LINE, "")))
 }

@@ -4,4 +4,4 @@ mod correct;
 mod ur;
 
 pub use correct::{corrected, corrected_file};
-pub use ur::{calibrated_by_maker, ur_kinematics};
+pub use ur::{calibrated_by_maker, ur_kinematics, wrist_from_flange};

@@ -119,15 +119,13 @@ fn lists(text: &str, file: &str) -> Result<[[f64; 6]; 4]> {
 
 /// The kinematics of a calibrated arm of Universal Robots as its ROS description and driver read them (`robot_calibration.yaml`): where each
 /// joint stands in the one before, m and rad (`R = Rz(yaw) Ry(pitch) Rx(roll)`), all joints at zero. The flange is where the model's constant
-/// terms have it. `hash` tells files apart.
+/// terms have it, [`wrist_from_flange`] aside. `hash` tells files apart.
 ///
 /// # Errors
 /// An arm that is not built like those of Universal Robots, or whose root is not the maker's base frame.
 pub fn ur_kinematics(model: &Model, hash: &str) -> Result<String> {
-    let nominal = links(&Model { terms: Vec::new(), ..model.clone() })?;
-    check(&model.robot, &nominal)?;
+    let (nominal, flange) = frames(&model.robot)?;
     let calibrated = links(&arm_alone(model))?;
-    let flange = nominal[5].compose(&model.robot.last_from_flange);
     let mut out = String::from("kinematics:\n");
     let mut before = Pose::identity();
     for (i, (stood, now)) in nominal.iter().zip(&calibrated).enumerate() {
@@ -144,6 +142,24 @@ pub fn ur_kinematics(model: &Model, hash: &str) -> Result<String> {
     }
     let _ = writeln!(out, "  hash: {hash}");
     Ok(out)
+}
+
+/// Frames {1} to {6} and the flange of an arm of Universal Robots with all joints at zero.
+fn frames(robot: &Robot) -> Result<(Vec<Pose>, Pose)> {
+    let nominal = links(&Model::nominal(robot.clone(), crate::Cell::bare()))?;
+    check(robot, &nominal)?;
+    let flange = nominal[5].compose(&robot.last_from_flange);
+    Ok((nominal, flange))
+}
+
+/// Where the flange is behind the last frame of the driver's file, at which that has it: elsewhere where a `calibration.conf` has `delta_a` or
+/// `delta_alpha` of joint 6.
+///
+/// # Errors
+/// As [`ur_kinematics`].
+pub fn wrist_from_flange(robot: &Robot) -> Result<Pose> {
+    let (nominal, flange) = frames(robot)?;
+    Ok(makers_frame(&nominal, &flange, 5).inverse().compose(&flange))
 }
 
 /// Where the maker has frame `i` (from 0) of the nominal arm at zero: on its axis, x as near as can be to that of the base; at the next axis where
@@ -185,8 +201,8 @@ mod tests {
     const UR5E: &str = include_str!("../../../../robots/ur5e.toml");
 
     /// As a controller has it: offsets of many metres along axes 2 to 4, which are nearly parallel.
-    const CONF: &str = "[mounting]\n delta_theta = [ -1.2e-05, -0.29, 1.12, -0.81, 3.1e-06, 2.2e-05]\n delta_a = [ 0.00005, 0.0204, 0.0012, -0.00003, 0.00009, 0]\n\
-                        delta_d = [ 0.00011, 442.87, -447.91, 5.03, -0.00004, 0.0003]\ndelta_alpha = [ -0.0003, 0.0015, 0.0042, 0.0002, -0.0004, 0]\n\
+    const CONF: &str = "[mounting]\n delta_theta = [ -1.2e-05, -0.29, 1.12, -0.81, 3.1e-06, 2.2e-05]\n delta_a = [ 0.00005, 0.0204, 0.0012, -0.00003, 0.00009, 0.0007]\n\
+                        delta_d = [ 0.00011, 442.87, -447.91, 5.03, -0.00004, 0.0003]\ndelta_alpha = [ -0.0003, 0.0015, 0.0042, 0.0002, -0.0004, 0.0011]\n\
                         joint_checksum = [ 0x1, 0x2, 0x3, 0x4, 0x5, 0x6]\n";
 
     fn nominal() -> Robot {
@@ -253,16 +269,22 @@ mod tests {
             let numbers: Vec<f64> =
                 yaml.lines().filter_map(|l| l.trim().split_once(": ")).filter_map(|(_, v)| v.parse().ok()).collect();
             assert_eq!(numbers.len(), 36, "{yaml}");
+            let behind = wrist_from_flange(&robot).unwrap();
             for q in poses() {
                 let mut pose = Pose::identity();
                 for (n, q) in numbers.chunks(6).zip(&q) {
                     let rotation = rotation_z(n[5]) * rotation_y(n[4]) * rotation_x(n[3]) * rotation_z(*q);
                     pose = pose.compose(&Pose { rotation, translation: V3::new(n[0], n[1], n[2]) });
                 }
-                let off = apart(&flange(&robot, &terms, &q), &pose);
+                let off = apart(&flange(&robot, &terms, &q), &pose.compose(&behind));
                 assert!(off < 1e-7, "{off}");
             }
         }
+        // what the maker measured behind the last joint has no place in the file; of the nominal arm there is nothing
+        let behind = wrist_from_flange(&calibrated_by_maker(&nominal(), CONF, "calibration.conf").unwrap()).unwrap();
+        let expected = Pose { rotation: rotation_x(0.0011), translation: V3::new(0.0007, 0.0, 0.0) };
+        assert!(apart(&behind, &expected) < 1e-9, "{behind:?}");
+        assert!(apart(&wrist_from_flange(&nominal()).unwrap(), &Pose::identity()) < 1e-12);
         // of the nominal arm it is the maker's own
         let yaml = ur_kinematics(&Model::nominal(nominal(), Cell::bare()), "calib_0").unwrap();
         for line in [

@@ -523,12 +523,14 @@ fn motion(upper: &[u8], all: &[(usize, bool, &[u8])], offset: usize, scan: &mut 
             let is_here = assigned(of).is_some_and(|k| has(&of[k..], b"LPOS") || has(&of[k..], b"JPOS"));
             if is_here {
                 names.set_from(register(digits), Origin::Here);
+            } else {
+                names.no_target(register(digits));
             }
             continue;
         }
         if increment || other.is_some() {
             names.visit(Visit::Unknown);
-            names.no_target(hashed(digits));
+            names.no_target(if *is_register { register(digits) } else { hashed(digits) });
         } else if *is_register && digits.is_empty() {
             names.visit(Visit::Unknown);
             let what = "goes to a position register whose number only the running program knows (PR[R[...]])";

@@ -2,9 +2,9 @@
 
 use std::collections::HashSet;
 
-use super::{Group, MOST_NAMES, Meant, Names, Use, Way};
+use super::{Group, MOST_NAMES, Meant, Names, Origin, Use, Way};
 use crate::reaching::{Definitions, Part};
-use crate::scan::{Fork, Scan, Visit};
+use crate::scan::{Fork, Scan, Visit, reached};
 use crate::text::Cursor;
 
 impl Names {
@@ -154,7 +154,13 @@ impl Names {
     /// Targets to which no motion goes, which are told.
     fn unused(&self, scan: &mut Scan, bytes: &[u8]) -> HashSet<u32> {
         let groups = |name: &u64| self.all(*name).filter_map(|k| self.groups.get(k as usize));
-        let unused = self.no_targets.iter().filter(|name| groups(name).all(|g| g.used.is_none()));
+        // what such data are set from is none either
+        let from = |name: u64| {
+            let origins = self.origins.get(&name).into_iter().flatten();
+            origins.filter_map(|(origin, _)| if let Origin::Name { name, .. } = origin { Some(*name) } else { None })
+        };
+        let no_targets = reached(self.no_targets.iter().copied(), from);
+        let unused = no_targets.iter().filter(|name| groups(name).all(|g| g.used.is_none()));
         let mut gone: HashSet<u32> = unused.flat_map(groups).flat_map(|g| g.first..g.first + g.count).collect();
         let idle = self.idle(scan, bytes);
         for (spots, is_read) in [(idle.unused, false), (idle.read, true)] {

@@ -124,6 +124,18 @@ pub(super) const FANUC: &[Case] = &[
         &[],
     ),
     case(
+        "an increment by a register says nothing of the position of the same number",
+        "/PROG A\n/MN\n   1:L P[1] 200mm/sec FINE ;\n   2:L PR[2:over] 200mm/sec FINE INC ;\n   3:L P[R[1]] 200mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@1\n};\n/END\n",
+        &[10, 15],
+        &[],
+    ),
+    case(
+        "positions that are only increments and offsets, by way of a register",
+        "/PROG A\n/MN\n   1:PR[2]=P[2] ;\n   2:L P[1] 200mm/sec FINE ;\n   3:L PR[2:over] 200mm/sec FINE INC ;\n   4:PR[4]=P[3] ;\n   5:L P[1] 200mm/sec FINE Offset,PR[4] ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\tX = 0 mm, Y = 0 mm, Z = 50 mm,\n\tW = 0 deg, P = 0 deg, R = 0 deg\n};\nP[3]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\tX = 0 mm, Y = 0 mm, Z = 50 mm,\n\tW = 0 deg, P = 0 deg, R = 0 deg\n};\n/END\n",
+        &[12],
+        &[],
+    ),
+    case(
         "several active frames",
         "/PROG A\n/MN\n   1:UFRAME_NUM=1 ;\n   2:L P[1] 200mm/sec FINE ;\n   3:UFRAME_NUM=2 ;\n   4:L P[2] 200mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : 0, UT : F, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
         &[16],

@@ -387,6 +387,8 @@ impl<'a> Reader<'a> {
         if is_one_of(word, &CURRENT) {
             let name = self.current(is("$TOOL"));
             self.set(is("$TOOL"), name);
+        } else if is("$ROBROOT") {
+            self.scan.problem(from, changed_here("the place of the robot's base ($ROBROOT)"));
         } else if is("$LOAD") {
             self.scan.loads.push(from);
         } else if is("$IPO_MODE") {

@@ -81,6 +81,8 @@ pub(super) fn targets(bytes: &[u8], scopes: &Scopes) -> Named {
     moved_to.extend(places);
     // what is given to a target is one itself
     let moved_to = reached(moved_to, |parameter| given.get(&parameter).into_iter().flatten().copied());
+    // and what is given to a tool or base
+    let frames = reached(frames, |parameter| given.get(&parameter).into_iter().flatten().copied());
     no_targets.extend(&frames);
     no_targets.extend(read_in_part(bytes, scopes));
     Named { moved_to, frames, no_targets }

@@ -338,4 +338,10 @@ pub(super) const KRL: &[Case] = &[
         &[3],
         &[],
     ),
+    case(
+        "a tool and a base that routines get, and a base of the arm that is set",
+        "DEF A()\nDECL E6POS XP1={@0}\nDECL POS TOOL_1={X 18,Y -12,Z 118,A 0,B 0,C 0}\nSETTOOL(TOOL_1)\nLIN XP1\n$TOOL=$NULLFRAME\n$ROBROOT={X 10,Y 0,Z 0,A 0,B 0,C 0}\nLIN {@1}\nEND\nDEF SETTOOL(T:IN)\nDECL FRAME T\n$TOOL=T\nEND\n",
+        &[8],
+        &[(2, "'t' is an argument of its routine"), (7, "$ROBROOT")],
+    ),
 ];

@@ -391,6 +391,7 @@ impl<'a> Reader<'a> {
             return Place::Name { name, way: Way::To, at };
         }
         self.makes_frame(function, begin);
+        self.sets_given(begin, function);
         let in_tool = function.eq_ignore_ascii_case(b"reltool");
         let offs = function.eq_ignore_ascii_case(b"offs");
         self.c.at += 1;

@@ -47,6 +47,14 @@ const MAKE_FRAMES: [&[u8]; 3] = [b"defframe", b"defdframe", b"defaccframe"];
 /// Those that change a tool.
 const CALIBRATES: [&[u8]; 2] = [b"mtooltcpcalib", b"mtoolrotcalib"];
 
+/// Those that set what they are given to what comes from elsewhere, and one that sets what has the name in its first argument.
+const SETS: [&[u8]; 6] = [SETS_NAMED, b"strtoval", b"unpackrawbytes", b"readanybin", b"rmqgetmsgdata", b"getdataval"];
+
+const SETS_NAMED: &[u8] = b"setdataval";
+
+/// Those that change the first of what they are given by some amount.
+const SHIFTS: [&[u8]; 3] = [b"add", b"incr", b"decr"];
+
 /// Whether a word begins a statement of the language, and no call.
 #[must_use]
 pub(super) fn is_instruction(word: &[u8]) -> bool {
@@ -192,6 +200,7 @@ impl Reader<'_> {
         if is_one_of(word, &CALIBRATES) {
             return self.each_argument(word, &mut |reader, _| reader.calibrated());
         }
+        self.sets_given(from, word);
         let is_statement = begins_statement(self.c.bytes, from);
         let arguments = self.arguments_follow();
         let is_behind_condition = || looks_like_motion(word) && arguments && self.c.clone().peek() != b'(';
@@ -226,6 +235,29 @@ impl Reader<'_> {
             return;
         }
         self.gives_elsewhere(word, found.is_some());
+    }
+
+    /// What an instruction or a function of the language at `at` changes of the data that are given to it.
+    pub(super) fn sets_given(&mut self, at: usize, word: &[u8]) {
+        let (is_shift, is_named) = (is_one_of(word, &SHIFTS), word.eq_ignore_ascii_case(SETS_NAMED));
+        if !is_shift && !is_one_of(word, &SETS) {
+            return;
+        }
+        let given = self.c.until(b";)").split(|b| b",\\(".contains(b)).map(|argument| {
+            let argument = argument.trim_ascii_start();
+            let argument = if is_named { argument.strip_prefix(b"\"").unwrap_or(&[]) } else { argument };
+            let end = argument.iter().position(|b| !is_letter(*b) && !b.is_ascii_digit());
+            argument.get(..end.unwrap_or(argument.len())).unwrap_or(&[])
+        });
+        for name in given.filter(|name| !name.is_empty()).take(if is_shift || is_named { 1 } else { usize::MAX }) {
+            let name = self.key(name);
+            self.note(|routine| routine.set(name));
+            if is_shift {
+                self.names.changed(name, at);
+            } else {
+                self.names.set_from(name, Origin::Computed(at as u32));
+            }
+        }
     }
 
     /// A tool at the cursor is changed.

@@ -522,4 +522,17 @@ pub(super) const RAPID: &[Case] = &[
         &[4, 5],
         &[(6, "'wobj of moveside' is an argument")],
     ),
+    case(
+        "targets that come as text or bytes, or by their names",
+        "VAR robtarget p:=@0;\nVAR robtarget q:=@1;\nVAR robtarget r:=@2;\nVAR robtarget s:=@3;\nVAR robtarget t:=@4;\nPERS robtarget u:=@0;\nPROC main()\nSetDataVal \"u\",s;\nMoveL u,v1,fine,tool0;\nUnpackRawBytes raw,1,p.trans.x\\Float4;\nMoveL p,v1,fine,tool0;\nReceive q;\nMoveL q,v1,fine,tool0;\nRMQGetMsgData msg,r;\nMoveL r,v1,fine,tool0;\nGetDataVal \"x\",s;\nMoveL s,v1,fine,tool0;\nIF StrToVal(txt,t) THEN\nMoveL t,v1,fine,tool0;\nENDIF\nENDPROC\nPROC Receive(INOUT robtarget to)\nVAR bool ok;\nok:=StrToVal(txt,to);\nENDPROC\n",
+        &[1, 2, 3, 4, 5, 6],
+        &[
+            (8, "calculated"),
+            (10, "calculated"),
+            (14, "calculated"),
+            (16, "calculated"),
+            (18, "calculated"),
+            (24, "calculated"),
+        ],
+    ),
 ];

@@ -57,6 +57,12 @@ def test_what_is_wrong_is_said_in_words_of_python(tmp_path: Path) -> None:
         trical.compensate(tmp_path / "p.csv", model, **FILES, frames=tmp_path / "frames.toml")
     with pytest.raises(trical.TricalError, match="temp_c is 900, expected -100 to 200"):
         trical.compensate(tmp_path / "p.csv", model, **FILES, temp_c=900)
+    with pytest.raises(
+        trical.TricalError, match=r"session: found 'tuesday', expected a session of the model by its number"
+    ):
+        trical.compensate(tmp_path / "p.csv", model, **FILES, time_s=60, session="tuesday")
+    with pytest.raises(trical.TricalError, match="session: found without time_s or seq"):
+        trical.compensate(tmp_path / "p.csv", model, **FILES, session=1)
     # and what is listed and returned
     (tmp_path / "p.mod").write_text(
         "MoveL [[350,50,320],[0,0.6,0.8,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v1,fine,tGun;\n"

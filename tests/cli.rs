@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::common::{CELL, CELL_ARGS, Place, ROBOT, errors, in_cell, words};
+use crate::common::{CELL, CELL_ARGS, Place, ROBOT, errors, in_cell, measured_anew, words};
 
 impl Place {
     /// Refused as bad input: one sentence that has `words`, exit code 2, nothing written.
@@ -399,7 +399,7 @@ fn wrong_input_is_noticed() {
         place.refuses(&in_cell(&args), &["twice.csv: rows 46 to 90 hold the same measurements as rows 1 to 45"]);
     }
     place.good(&in_cell("identify run.csv --out m.toml"));
-    let other = text.replace("0.00", "0.01");
+    let other = measured_anew(&text);
     place.write("b.csv", &other);
     place.write("c.csv", &other);
     place.refuses(&words("compare m.toml b.csv c.csv"), &["c.csv", "same measurements as b.csv"]);
@@ -411,7 +411,8 @@ fn wrong_input_is_noticed() {
     // in the order in which people count, whatever the case of the ending; hidden files are left alone
     std::fs::create_dir(place.path("runs")).unwrap();
     place.write("runs/.run_0.csv", "x");
-    let (first, rows) = text.split_once('\n').unwrap();
+    let anew = measured_anew(&text);
+    let (first, rows) = anew.split_once('\n').unwrap();
     let rows: Vec<&str> = rows.lines().collect();
     for (name, part) in ["run_1.csv", "run_2.CSV", "run_10.csv"].iter().zip(rows.chunks(15)) {
         place.write(&format!("runs/{name}"), format!("{first}\n{}\n", part.join("\n")));

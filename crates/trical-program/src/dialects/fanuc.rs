@@ -52,7 +52,8 @@ pub fn scan(bytes: &[u8]) -> Scan {
     }
     let mut names = Names::default();
     let main = section(bytes, b"/MN").map_or(0, |m| m.min(positions));
-    let active = [active(&bytes[main..positions], "UTOOL_NUM"), active(&bytes[main..positions], "UFRAME_NUM")];
+    let active = [["UTOOL_NUM", "$MNUTOOLNUM"], ["UFRAME_NUM", "$MNUFRAMENUM"]]
+        .map(|names| active(&bytes[main..positions], names));
     // nothing begins a comment in /POS
     let mut c = Cursor::at(bytes, positions, 0);
     let (mut all, mut unread) = (Vec::new(), Vec::new());
@@ -93,13 +94,14 @@ fn tracks_line(bytes: &[u8], end: usize) -> Option<usize> {
     (c.eat_in_line(b':') && c.number()?.value(bytes)? != 0.0).then_some(at)
 }
 
-/// The tool or frame that the program activates for the arm: nothing where it says none; an error where it says several, or
+/// The tool or frame that the program activates for the arm by one of these names: nothing where it says none; an error where it says several, or
 /// calculates it.
-fn active(main: &[u8], what: &str) -> Result<Option<String>, String> {
+fn active(main: &[u8], names: [&str; 2]) -> Result<Option<String>, String> {
     let mut found: Option<String> = None;
     for line in main.split(|b| *b == b'\n') {
         let text = statement(line).to_ascii_uppercase();
-        let Some(rest) = text.strip_prefix(what.as_bytes()).map(<[u8]>::trim_ascii_start) else { continue };
+        let mut rest = names.iter().filter_map(|name| action(&text).strip_prefix(name.as_bytes()));
+        let Some(rest) = rest.next().map(<[u8]>::trim_ascii_start) else { continue };
         let close = rest.iter().position(|b| *b == b']').filter(|_| rest.starts_with(b"["));
         let (groups, rest) = rest.split_at(close.map_or(0, |k| k + 1));
         if !groups.is_empty() && !groups.contains(&b'1') {
@@ -111,7 +113,8 @@ fn active(main: &[u8], what: &str) -> Result<Option<String>, String> {
         let number = lower(&digits);
         if digits.is_empty() || found.as_ref().is_some_and(|f| *f != number) {
             return Err(format!(
-                "is meant with whichever {what} is active, and the program sets several or calculates it"
+                "is meant with whichever {} is active, and the program sets several or calculates it",
+                names[0]
             ));
         }
         found = Some(number);
@@ -393,8 +396,42 @@ fn continued(bytes: &[u8], from: usize, mut at: usize, end: usize) -> usize {
     at
 }
 
-/// Tools and user frames of the controller, by their names in a program and as system variables.
-const FRAME_TABLES: [&[u8]; 4] = [b"UTOOL[", b"UFRAME[", b"$MNUTOOL[", b"$MNUFRAME["];
+/// Tools and user frames of the controller, by their names in a program and as system variables (`$GROUP[1].$UFRAME` too).
+const FRAMES: [&[u8]; 4] = [b"UTOOL", b"UFRAME", b"MNUTOOL", b"MNUFRAME"];
+
+/// Whether a statement sets a tool or a user frame: one of their names stands before `=`, and in no bracket.
+fn sets_frame(upper: &[u8]) -> bool {
+    let mut depth = 0_usize;
+    let is_outside = |b: &&u8| {
+        let before = depth;
+        match b {
+            b'[' | b'(' => depth += 1,
+            b']' | b')' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        before == 0 && depth == 0
+    };
+    let outside: Vec<u8> = upper.iter().filter(is_outside).copied().collect();
+    let equals = outside.iter().position(|b| *b == b'=');
+    equals.is_some_and(|equals| FRAMES.iter().any(|name| has(&outside[..equals], name)))
+}
+
+/// What a statement does: of `IF ...,UFRAME[1]=PR[2]`, what is behind the condition.
+fn action(upper: &[u8]) -> &[u8] {
+    if !upper.starts_with(b"IF") || upper.get(2).is_some_and(u8::is_ascii_alphanumeric) {
+        return upper;
+    }
+    let mut depth = 0_usize;
+    let comma = upper.iter().position(|b| {
+        match b {
+            b'[' | b'(' => depth += 1,
+            b']' | b')' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        *b == b',' && depth == 0
+    });
+    comma.map_or(&upper[upper.len()..], |comma| upper[comma + 1..].trim_ascii_start())
+}
 
 /// Which of the `positions` the lines of `/MN` (`main..end`) go to, one after the other, and where registers come from.
 fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut Names, positions: &[u64]) {
@@ -422,9 +459,12 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
                 false => names.read(hashed(digits)),
             }
         }
-        if upper.contains(&b'=') && FRAME_TABLES.iter().any(|table| upper.starts_with(table)) {
+        let done = action(&upper);
+        let offset = offset + (done.as_ptr() as usize - upper.as_ptr() as usize);
+        let (upper, all) = (done, places(done));
+        if sets_frame(upper) {
             scan.problem(offset, changed_here("a tool or user frame"));
-        } else if let Some(equals) = assigned(&upper)
+        } else if let Some(equals) = assigned(upper)
             && let Some((0, is_register, digits)) = all.first().copied()
         {
             let is_element = upper[..equals].contains(&b',');
@@ -436,13 +476,13 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
             }
         } else if upper.starts_with(b"PAYLOAD[") {
             scan.loads.push(offset);
-        } else if DISPLACES.iter().any(|word| upper.starts_with(word)) && !has(&upper, b"END") {
+        } else if DISPLACES.iter().any(|word| upper.starts_with(word)) && !has(upper, b"END") {
             let what =
                 "displaces the motions that follow as a sensor says; they are corrected for where the text has them";
             scan.problem(offset, what);
-        } else if moves(&upper) {
-            motion(&upper, &all, offset, scan, names);
-        } else if let Some((at, own)) = of_first_group(&upper) {
+        } else if moves(upper) {
+            motion(upper, &all, offset, scan, names);
+        } else if let Some((at, own)) = of_first_group(upper) {
             motion(own, &places(own), offset + at, scan, names);
         }
     }

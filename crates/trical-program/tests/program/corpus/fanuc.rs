@@ -171,4 +171,16 @@ pub(super) const FANUC: &[Case] = &[
         &[],
         &[(3, "user frame"), (4, "RTCP")],
     ),
+    case(
+        "frames of a motion group, behind a condition, and what only reads them",
+        "/PROG A\n/MN\n   1:  $GROUP[1].$UFRAME=PR[3] ;\n   2:  $GROUP[1].$UTOOL=PR[3] ;\n   3:  IF (DI[1]),UFRAME[2]=PR[3] ;\n   4:  PR[4]=UFRAME[2] ;\n   5:  MESSAGE[UFRAME=2] ;\n   6:  IF UFRAME_NUM=2,JMP LBL[1] ;\n   7:  IF (DI[2]),P[1]=PR[4] ;\n   8:  LBL[1] ;\n   9:L P[1] 200mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[16],
+        &[(3, "user frame"), (4, "user frame"), (5, "user frame"), (9, "is set here")],
+    ),
+    case(
+        "numbers of frames as system variables, and behind a condition",
+        "/PROG A\n/MN\n   1:  $MNUFRAMENUM[1]=0 ;\n   2:L P[1] 200mm/sec FINE ;\n   3:  IF (DI[1]),UFRAME_NUM=2 ;\n   4:L P[2] 200mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@1\n};\n/END\n",
+        &[16],
+        &[(8, "UFRAME_NUM")],
+    ),
 ];

@@ -307,6 +307,9 @@ const STATEMENTS: &str = " J L C S A P PR R F M DO DI RO RI GO GI AO AI SO SI UO
 /// Beginnings of statements behind which motions end elsewhere than they say, until one of the same kind says END.
 const DISPLACES: [&[u8]; 2] = [b"TRACK ", b"TOUCH OFFSET "];
 
+/// Beginning of a statement that moves the arm against a part by force, from where it stands.
+const BY_FORCE: &[u8] = b"FORCE CTRL";
+
 /// Whether a statement that begins with this word (in capitals) is one of the user's.
 fn is_macro(word: &[u8]) -> bool {
     !word.is_empty() && !is_among_as_written(word, STATEMENTS)
@@ -480,6 +483,10 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
             let what =
                 "displaces the motions that follow as a sensor says; they are corrected for where the text has them";
             scan.problem(offset, what);
+        } else if upper.starts_with(BY_FORCE) {
+            let what = "moves the arm as a force sensor says (FORCE CTRL), to where only the running program knows, which is not corrected";
+            scan.problem(offset, what);
+            names.visit(Visit::Unknown);
         } else if moves(upper) {
             motion(upper, &all, offset, scan, names);
         } else if let Some((at, own)) = of_first_group(upper) {

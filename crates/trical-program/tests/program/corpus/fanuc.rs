@@ -183,4 +183,10 @@ pub(super) const FANUC: &[Case] = &[
         &[16],
         &[(8, "UFRAME_NUM")],
     ),
+    case(
+        "a motion by force",
+        "/PROG A\n/MN\n   1:L P[1] 200mm/sec FINE ;\n   2:  FORCE CTRL[1:fit] ErrorLBL[1] ;\n   3:L P[2] 200mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@1\n};\n/END\n",
+        &[10, 15],
+        &[(4, "force sensor")],
+    ),
 ];

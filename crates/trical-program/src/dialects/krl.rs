@@ -37,6 +37,9 @@ const AXES: [&[u8]; 6] = [b"A1", b"A2", b"A3", b"A4", b"A5", b"A6"];
 const MOTION_DATA: [&[u8]; 2] = [b".TOOL_NO", b".BASE_NO"];
 /// The tool and the base that are active.
 const CURRENT: [&[u8]; 2] = [b"$TOOL", b"$BASE"];
+/// Where the arm stands.
+const ARM_BASE: &[u8] = b"$ROBROOT";
+const THE_ARM_BASE: &str = "the place of the robot's base ($ROBROOT)";
 /// Tools and bases that the controller keeps by number.
 const ELEMENTS: [&[u8]; 2] = [b"TOOL_DATA", b"BASE_DATA"];
 const MOTIONS: [&[u8]; 7] = [b"PTP", b"LIN", b"CIRC", b"SPTP", b"SLIN", b"SCIRC", b"SPL"];
@@ -352,6 +355,8 @@ impl<'a> Reader<'a> {
             self.part_of_motion_data(word, which == 0);
         } else if word.eq_ignore_ascii_case(b"$LOAD") {
             self.scan.loads.push(from);
+        } else if word.eq_ignore_ascii_case(ARM_BASE) {
+            self.scan.problem(from, changed_here(THE_ARM_BASE));
         } else if is_one_of(word, &CURRENT) {
             let name = self.calculated(format!("{} (set in part)", lower(word)));
             self.set(word.eq_ignore_ascii_case(b"$TOOL"), name);
@@ -387,8 +392,8 @@ impl<'a> Reader<'a> {
         if is_one_of(word, &CURRENT) {
             let name = self.current(is("$TOOL"));
             self.set(is("$TOOL"), name);
-        } else if is("$ROBROOT") {
-            self.scan.problem(from, changed_here("the place of the robot's base ($ROBROOT)"));
+        } else if word.eq_ignore_ascii_case(ARM_BASE) {
+            self.scan.problem(from, changed_here(THE_ARM_BASE));
         } else if is("$LOAD") {
             self.scan.loads.push(from);
         } else if is("$IPO_MODE") {

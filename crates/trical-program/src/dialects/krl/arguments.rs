@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use super::targets::skip_index;
-use super::{CURRENT, ELEMENTS, HERE, Reader, before_bracket};
+use super::{ARM_BASE, CURRENT, ELEMENTS, HERE, Reader, THE_ARM_BASE, before_bracket};
 use crate::names::Origin;
 use crate::scan::{changed_here, hashed};
 use crate::scopes::Scopes;
@@ -140,6 +140,8 @@ impl Reader<'_> {
             self.names.set_from(name, Origin::Computed(at as u32));
         } else if is_one_of(word, &CURRENT) {
             self.set(word.eq_ignore_ascii_case(b"$TOOL"), "(set by a routine)".to_owned());
+        } else if word.eq_ignore_ascii_case(ARM_BASE) {
+            self.scan.problem(at, changed_here(THE_ARM_BASE));
         } else if is_one_of(word, &ELEMENTS) || self.is_frame(word) {
             self.scan.problem(at, changed_here("a tool or base"));
         }

@@ -344,4 +344,10 @@ pub(super) const KRL: &[Case] = &[
         &[8],
         &[(2, "'t' is an argument of its routine"), (7, "$ROBROOT")],
     ),
+    case(
+        "parts of the arm's base, of a tool and of a base",
+        "$BASE=$NULLFRAME\n$TOOL=$NULLFRAME\nLIN {@0}\n$ROBROOT.X=10\nRET=EKI_GETFRAME(\"Srv\",\"Root\",$ROBROOT)\n$TOOL.Z=120\nLIN {@1}\n$TOOL=$NULLFRAME\n$BASE . X = 5\nLIN {@2}\n",
+        &[3],
+        &[(4, "$ROBROOT"), (5, "$ROBROOT"), (7, "'$tool (set in part)'"), (10, "'$base (set in part)'")],
+    ),
 ];

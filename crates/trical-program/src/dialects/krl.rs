@@ -63,6 +63,9 @@ const BY_SENSOR: [(&[u8], &str); 3] = [
 ];
 const TYPES: [&[u8]; 5] = [b"E6POS", b"POS", b"FRAME", b"E6AXIS", b"AXIS"];
 
+/// Elements of the second and third dimension of an array that are told apart, at most.
+const MOST_ELEMENTS: usize = 1000;
+
 /// Where the mark goes: behind the `&ACCESS` lines, which must come first.
 #[must_use]
 pub fn header(bytes: &[u8]) -> usize {
@@ -421,16 +424,24 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// What of an array is meant by the brackets that follow, if there are any; elements are counted from 1.
+    /// What of an array is meant by the brackets that follow, if there are any; elements are counted from 1, those of several dimensions
+    /// one after the other as if each dimension had [`MOST_ELEMENTS`].
     fn index(&mut self) -> Part {
         if !self.c.eat_in_line(b'[') {
             return Part::Whole;
         }
         let number = self.c.number().and_then(|n| n.value(self.c.bytes)).filter(|n| *n >= 1.0);
+        let mut element = number.map(|n| n as usize - 1);
+        while self.c.eat_in_line(b',') {
+            self.c.skip_blank();
+            let number = self.c.number().and_then(|n| n.value(self.c.bytes)).map(|n| n as usize);
+            let number = number.filter(|n| (1..=MOST_ELEMENTS).contains(n));
+            element = number.and_then(|n| element?.checked_mul(MOST_ELEMENTS)?.checked_add(n - 1));
+        }
         let behind = self.c.until(b"]\n\r");
         self.c.at += behind.len();
         self.c.eat_in_line(b']');
-        number.filter(|_| behind.trim_ascii().is_empty()).map_or(Part::Indexed, |n| Part::Element(n as usize - 1))
+        element.filter(|_| behind.trim_ascii().is_empty()).map_or(Part::Indexed, Part::Element)
     }
 
     /// `{...}` that is assigned to this word, or to an element of it.

@@ -110,6 +110,8 @@ impl Names {
         problem: &dyn Fn() -> String,
     ) {
         let is_motion = !matches!(way, Way::Perhaps | Way::Said);
+        // what other elements of an array are set from says nothing of this one
+        let met = met.map(|met| met.into_iter().filter(|group| self.may_be(*group, way)).collect::<Vec<_>>());
         let origins = met.as_ref().map(|met| self.origins_met(name, Some(met)));
         let has_numbers = match &met {
             Some(met) => met.iter().any(|k| !self.set_here.contains_key(k)),
@@ -122,6 +124,9 @@ impl Names {
             scan.visits.extend(is_motion.then_some(Visit::Unknown));
             match origins {
                 Some(origins) if is_motion && self.defines(name) => {
+                    if origins.is_empty() {
+                        scan.problem(at as usize, problem());
+                    }
                     self.list_computed(&origins, scan);
                     self.follow_sources(name, &origins, setup, scan, &mut Vec::new());
                 }
@@ -134,7 +139,7 @@ impl Names {
         if !is_motion {
             return;
         }
-        if !is_given && !self.origins.contains_key(&name) {
+        if !is_given && origins.as_ref().map_or(!self.origins.contains_key(&name), Vec::is_empty) {
             scan.problem(at as usize, problem());
         }
         match origins {
@@ -201,8 +206,13 @@ impl Names {
         }
     }
 
-    fn part(&self, group: u32) -> Option<Part> {
-        self.groups.get(group as usize).map(|g| g.definition.part)
+    /// Whether a definition may give what a motion goes to: it is not of another element of an array.
+    fn may_be(&self, group: u32, way: Way) -> bool {
+        let part = self.groups.get(group as usize).map(|g| g.definition.part);
+        match (way.element(), part) {
+            (Some(element), Some(Part::Element(k))) => element == k,
+            _ => true,
+        }
     }
 
     /// A motion to the definitions of a name that it may meet, `met` or any; whether there is one of what it goes to.
@@ -219,10 +229,7 @@ impl Names {
             return true;
         }
         let mut groups = met.unwrap_or_else(|| self.all(name).collect());
-        groups.retain(|group| match (element, self.part(*group)) {
-            (Some(element), Some(Part::Element(k))) => element == k,
-            _ => true,
-        });
+        groups.retain(|group| self.may_be(*group, way));
         match groups[..] {
             [] => scan.visits.push(Visit::Unknown),
             [one] => self.visit_group(one, setup, way, at, scan),

@@ -350,4 +350,16 @@ pub(super) const KRL: &[Case] = &[
         &[3],
         &[(4, "$ROBROOT"), (5, "$ROBROOT"), (7, "'$tool (set in part)'"), (10, "'$base (set in part)'")],
     ),
+    case(
+        "elements of arrays of two dimensions, with their tools, and some without a value",
+        "DECL E6POS PAL[2,2]\nDECL E6POS ROW[2,2]\nPAL[1,1]={@0}\nPAL[1,2]={@1}\nPAL[ 2 , 1 ]={@2}\nBAS(#TOOL,0)\nLIN PAL[1,1]\nLIN PAL[2,1]\nLIN PAL[2,2]\nBAS(#TOOL,7)\nLIN PAL[1,2]\nLIN ROW[2,2]\n",
+        &[3, 5],
+        &[(4, "tool '7'"), (9, "'PAL'"), (12, "'ROW'")],
+    ),
+    case(
+        "an element without a value, where others get one",
+        "DECL E6POS XP1={@1}\nDECL E6POS P[4]\nP[1]={@0}\nP[3]=XP1\nP[4]=$POS_ACT\nLIN P[1]\nLIN P[2]\nLIN P[3]\nLIN P[4]\n",
+        &[1, 3],
+        &[(7, "'P'")],
+    ),
 ];

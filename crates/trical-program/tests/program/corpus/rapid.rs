@@ -250,8 +250,8 @@ pub(super) const RAPID: &[Case] = &[
     ),
     case(
         "elements of an array that are set",
-        "CONST robtarget q:=@0;\nPERS robtarget a{2}:=[@1,@2];\nVAR robtarget b{2};\na{i}.trans.z:=reg1;\nb{i,j} := Offs(q,50*i,0,0);\nMoveL a{i},v1,fine,tool0;\nMoveL b{i,j},v1,fine,tool0;\nPERS robtarget c{2}:=[@3,@3];\nc{2}:=Measured(2);\nMoveL c{1},v1,fine,tool0;\n",
-        &[1, 2, 2, 8],
+        "CONST robtarget q:=@0;\nPERS robtarget a{2}:=[@1,@2];\nVAR robtarget b{2};\na{i}.trans.z:=reg1;\nb{i,j} := Offs(q,50*i,0,0);\nMoveL a{i},v1,fine,tool0;\nMoveL b{i,j},v1,fine,tool0;\nPERS robtarget c{2}:=[@3,@3];\nc{2}:=Measured(2);\nMoveL c{1},v1,fine,tool0;\nMoveL c{2},v1,fine,tool0;\nPERS robtarget d{2}:=[@0,@0];\nd{2}:=Measured(2);\nMoveL d{1},v1,fine,tool0;\n",
+        &[1, 2, 2, 8, 8, 12],
         &[(4, "calculated"), (9, "calculated")],
     ),
     case(

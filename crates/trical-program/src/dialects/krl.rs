@@ -40,6 +40,8 @@ const CURRENT: [&[u8]; 2] = [b"$TOOL", b"$BASE"];
 /// Where the arm stands.
 const ARM_BASE: &[u8] = b"$ROBROOT";
 const THE_ARM_BASE: &str = "the place of the robot's base ($ROBROOT)";
+/// The numbers of the tool and the base that are active, as the controller shows them.
+const NUMBERS: [&[u8]; 2] = [b"$ACT_TOOL", b"$ACT_BASE"];
 /// Tools and bases that the controller keeps by number.
 const ELEMENTS: [&[u8]; 2] = [b"TOOL_DATA", b"BASE_DATA"];
 const MOTIONS: [&[u8]; 7] = [b"PTP", b"LIN", b"CIRC", b"SPTP", b"SLIN", b"SCIRC", b"SPL"];
@@ -395,6 +397,8 @@ impl<'a> Reader<'a> {
         if is_one_of(word, &CURRENT) {
             let name = self.current(is("$TOOL"));
             self.set(is("$TOOL"), name);
+        } else if is_one_of(word, &NUMBERS) && self.c.peek() != b'=' {
+            self.only_number(is("$ACT_TOOL"));
         } else if word.eq_ignore_ascii_case(ARM_BASE) {
             self.scan.problem(from, changed_here(THE_ARM_BASE));
         } else if is("$LOAD") {

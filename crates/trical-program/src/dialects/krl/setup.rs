@@ -11,6 +11,8 @@ use crate::text::{Cursor, is_one_of, lower, mentions};
 
 /// How the name begins of a tool that stands still.
 const FIXED: &str = "#tcp : ";
+/// How the name ends of a tool or base of which the program sets the number and nothing else.
+const ONLY_NUMBER: &str = " (its number only)";
 /// The base, where nothing in the program says which.
 const UNSET: &str = "$base";
 /// What is wrong with a frame that is not given by numbers.
@@ -78,6 +80,7 @@ impl Reader<'_> {
             self.c.at += index.len();
             let index = lower(index.trim_ascii());
             let is_element = word.eq_ignore_ascii_case(if is_tool { b"TOOL_DATA" } else { b"BASE_DATA" });
+            let index = self.number_set(is_tool, &index).unwrap_or(index);
             let is_closed = self.c.eat_in_line(b']');
             return match (is_closed && is_number(&index), is_element) {
                 (true, true) => index,
@@ -88,6 +91,32 @@ impl Reader<'_> {
         // of a function, a part of something
         let is_whole = !name.is_empty() && !matches!(self.c.peek(), b'(' | b'.');
         if is_whole { name } else { self.calculated(format!("{name}...")) }
+    }
+
+    /// Behind `$ACT_TOOL=` or `$ACT_BASE=`. The arm moves with `$TOOL` and `$BASE`, which these leave as they are: with a tool of another number,
+    /// or none, nobody knows what is meant until `$TOOL` is set; one that has no number is what the program says.
+    pub(super) fn only_number(&mut self, is_tool: bool) {
+        let number = lower(self.c.until(b";\n\r").trim_ascii());
+        let active = self.now.slot(is_tool).as_deref().map(|name| name.trim_start_matches(FIXED));
+        let has_number = active.is_none_or(|name| is_number(name.trim_end_matches(ONLY_NUMBER)));
+        if !has_number || active == Some(number.as_str()) || number == "-1" {
+            return;
+        }
+        let (what, current) = if is_tool { ("tool", "$TOOL") } else { ("base", "$BASE") };
+        let name = format!("{number}{ONLY_NUMBER}");
+        let why = format!(
+            "the program sets the number of the {what} to {number} ($ACT_{}) and not {current}, with which the arm moves",
+            what.to_uppercase()
+        );
+        self.scan.frames.refuse(&name, &why);
+        self.set(is_tool, name);
+    }
+
+    /// The number of `TOOL_DATA[$ACT_TOOL]` where the program has set it above, and nothing else of the tool since.
+    fn number_set(&mut self, is_tool: bool, index: &str) -> Option<String> {
+        let name = if is_tool { "$act_tool" } else { "$act_base" };
+        let active = self.now.slot(is_tool).as_deref().filter(|_| index == name)?;
+        active.trim_start_matches(FIXED).strip_suffix(ONLY_NUMBER).map(str::to_owned)
     }
 
     /// The tool or base that is set here, which a product begins with (`$BASE=$BASE:{X 100,...}`).

@@ -362,4 +362,16 @@ pub(super) const KRL: &[Case] = &[
         &[1, 3],
         &[(7, "'P'")],
     ),
+    case(
+        "numbers of tools and bases, by which they are set or not",
+        "TOOL_DATA[3]={X 18,Y -12,Z 118,A 0,B 0,C 0}\n$ACT_BASE=0\nLIN {@0}\n$ACT_TOOL=3\n$BASE=BASE_DATA[$ACT_BASE]\n$TOOL=TOOL_DATA[$ACT_TOOL]\nLIN {@1}\n$ACT_TOOL=3\nIF $ACT_TOOL==4 THEN\nWAIT SEC 1\nENDIF\nLIN {@2}\n$ACT_TOOL=4\nLIN {@3}\n$TOOL={X 18,Y -12,Z 118,A 0,B 0,C 0}\n$ACT_TOOL=1\nLIN {@4}\n$TOOL=TOOL_DATA[$ACT_TOOL]\nLIN {@0}\n$ACT_TOOL=N\n$TOOL=TOOL_DATA[$ACT_TOOL]\nLIN {@1}\n",
+        &[7, 12, 17],
+        &[(3, "$ACT_BASE"), (14, "to 4 ($ACT_TOOL)"), (19, "tool_data[$act_tool]"), (22, "'tool_data[$act_tool]'")],
+    ),
+    case(
+        "a number of a tool that is set in a branch",
+        "TOOL_DATA[3]={X 18,Y -12,Z 118,A 0,B 0,C 0}\nDEF A()\n$BASE=$NULLFRAME\n$TOOL=TOOL_DATA[3]\nIF $IN[1] THEN\n$ACT_TOOL=5\nENDIF\nLIN {@0}\n$ACT_TOOL=N\n$TOOL=TOOL_DATA[$ACT_TOOL]\nLIN {@1}\nEND\n",
+        &[],
+        &[(8, ""), (11, "")],
+    ),
 ];

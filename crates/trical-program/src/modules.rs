@@ -125,6 +125,7 @@ impl<'a> Modules<'a> {
         for one in &all {
             out.moves |= one.moves;
             out.displaces |= one.displaces;
+            out.sets_by_name |= one.sets_by_name;
             out.sets.extend(&one.sets);
             lends.extend(&one.lends);
         }

@@ -154,6 +154,8 @@ pub struct Outside {
     pub moves: bool,
     /// Whether it displaces the motions that follow.
     pub displaces: bool,
+    /// Whether it sets data whose name only the running program knows.
+    pub sets_by_name: bool,
     /// Data of others that it sets, by their hashed names.
     pub sets: Vec<u64>,
 }

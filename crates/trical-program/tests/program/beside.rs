@@ -275,6 +275,11 @@ fn what_other_modules_change_before_they_call_a_routine_of_this_one_is_listed() 
         ("around_routine", "Other;", "line 5: is called from a module beside the program that changes a target"),
         ("around_frame", "wPart.oframe.trans.x:=cam;", "line 5: the work object 'wpart' is changed by a module"),
         ("around_lent", "Frame wPart;", "line 5: the work object 'wpart' is changed by a module"),
+        (
+            "around_by_name",
+            "SetDataVal name,v;",
+            "line 5: is called from a module beside the program that sets data whose",
+        ),
         ("around_displaced", "PDispSet shift;", "line 5: is called from a module beside the program that displaces"),
     ] {
         let problems = of(folder, before);
@@ -294,6 +299,11 @@ fn a_work_object_that_a_routine_of_another_module_changes_is_listed() {
     let other = "MODULE Other\nPROC Deeper(INOUT wobjdata w)\nw.oframe.trans.x:=cam;\nENDPROC\nENDMODULE\n";
     let problems = told(&checked("lent", IRB, &[("Main.mod", program), ("One.mod", one), ("Other.mod", other)])).2;
     assert!(problems.len() == 1 && problems[0].contains("line 6: the work object 'wpart' is changed"), "{problems:?}");
+    // what it is called, only the running program knows
+    let by_name = other.replace("w.oframe.trans.x:=cam;", "SetDataVal name,v;");
+    let problems =
+        told(&checked("by_name", IRB, &[("Main.mod", program), ("One.mod", one), ("Other.mod", &by_name)])).2;
+    assert!(problems.len() == 1 && problems[0].contains("line 6: calls 'Measure', which sets data"), "{problems:?}");
     // a copy is changed
     let copy = other.replace("INOUT ", "");
     let problems = told(&checked("lent_copy", IRB, &[("Main.mod", program), ("One.mod", one), ("Other.mod", &copy)])).2;

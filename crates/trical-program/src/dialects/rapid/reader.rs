@@ -126,6 +126,8 @@ pub struct Effects {
     pub moves: bool,
     /// Whether it displaces the motions that follow.
     pub displaces: bool,
+    /// Whether it sets data whose name only the running program knows.
+    pub sets_by_name: bool,
     /// Data that it sets, by their hashed names.
     pub sets: Vec<u64>,
     /// What it calls, in lower case.

@@ -52,6 +52,15 @@ const SETS: [&[u8]; 6] = [SETS_NAMED, b"strtoval", b"unpackrawbytes", b"readanyb
 
 const SETS_NAMED: &[u8] = b"setdataval";
 
+/// What is wrong where the name in the first argument of [`SETS_NAMED`] is calculated.
+const BY_NAME: &str = "sets data whose name only the running program knows, and may change targets, tools and work objects; motions are corrected for where \
+    these are declared";
+
+/// Whether an argument is a text that is written out.
+fn is_text(argument: &[u8]) -> bool {
+    matches!(argument.trim_ascii(), [b'"', inside @ .., b'"'] if !inside.contains(&b'"'))
+}
+
 /// Those that change the first of what they are given by some amount.
 const SHIFTS: [&[u8]; 3] = [b"add", b"incr", b"decr"];
 
@@ -213,12 +222,15 @@ impl Reader<'_> {
         self.names.called(routine, found.as_ref().is_none_or(|f| f.moves));
         match &found {
             Some(found) => {
+                let name = String::from_utf8_lossy(word);
                 if found.displaces {
                     let what = format!(
-                        "calls '{}', which displaces the motions that follow; they are corrected for where the text has them",
-                        String::from_utf8_lossy(word)
+                        "calls '{name}', which displaces the motions that follow; they are corrected for where the text has them"
                     );
                     self.scan.problem(from, what);
+                }
+                if found.sets_by_name {
+                    self.scan.problem(from, format!("calls '{name}', which {BY_NAME}"));
                 }
                 let how = "is changed by a routine of another module, which is called here";
                 for name in &found.sets {
@@ -242,6 +254,15 @@ impl Reader<'_> {
         let (is_shift, is_named) = (is_one_of(word, &SHIFTS), word.eq_ignore_ascii_case(SETS_NAMED));
         if !is_shift && !is_one_of(word, &SETS) {
             return;
+        }
+        let first = self.c.until(b",\\;");
+        if is_named && !is_text(first) {
+            let value = self.c.until(b";").rsplit(|b| *b == b',').next().unwrap_or_default().trim_ascii();
+            if is_text(value) || is_one_of(value, &[b"TRUE", b"FALSE"]) || lower(value).parse::<f64>().is_ok() {
+                return;
+            }
+            self.note(|routine| routine.sets_by_name = true);
+            return self.scan.problem(at, BY_NAME);
         }
         let given = self.c.until(b";)").split(|b| b",\\(".contains(b)).map(|argument| {
             let argument = argument.trim_ascii_start();
@@ -278,6 +299,9 @@ impl Reader<'_> {
         if around.displaces {
             let what = "is called from a module beside the program that displaces the motions; they are corrected for where the text has them";
             self.scan.problem(at, what);
+        }
+        if around.sets_by_name {
+            self.scan.problem(at, format!("is called from a module beside the program that {BY_NAME}"));
         }
         let how = "is changed by a module beside the program, which calls the routine that begins here";
         for name in around.sets {

@@ -535,4 +535,10 @@ pub(super) const RAPID: &[Case] = &[
             (24, "calculated"),
         ],
     ),
+    case(
+        "data whose names are calculated",
+        "VAR robtarget p:=@0;\nPERS robtarget u:=@1;\nVAR string name;\nPROC main()\nSetDataVal name,p;\nSetDataVal \"p\"+ValToStr(i)\\Block:=b,p;\nSetDataVal name,5;\nSetDataVal name\\TaskName:=\"T\",TRUE;\nSetDataVal \"speed\"\\Block:=b,v;\nMoveL p,v1,fine,tool0;\nMoveL u,v1,fine,tool0;\nENDPROC\n",
+        &[1, 2],
+        &[(5, "whose name only"), (6, "whose name only")],
+    ),
 ];

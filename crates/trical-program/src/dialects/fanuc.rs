@@ -463,7 +463,7 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
             }
         }
         let done = action(&upper);
-        let offset = offset + (done.as_ptr() as usize - upper.as_ptr() as usize);
+        let offset = offset + upper.len() - done.len();
         let (upper, all) = (done, places(done));
         if sets_frame(upper) {
             scan.problem(offset, changed_here("a tool or user frame"));

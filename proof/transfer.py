@@ -12,8 +12,6 @@ from __future__ import annotations
 
 import argparse
 import csv
-import json
-import subprocess
 import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
@@ -22,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 import real
+from compare import run
 
 RECORDINGS = ["irb120/tracker.csv", "kuka_rail/rail.csv", "iiwa7/20161118_run_1.csv"]
 
@@ -50,7 +49,7 @@ def tried(job: tuple[Path, str, str, list, list, Path]) -> tuple[str, str, str, 
     recording, split, direction, learnt, other, binary = job
     folder = recording.parent
     robot = next(p for p in (folder / "robot.toml", folder / "robot.urdf") if p.is_file())
-    arm = ["--robot", str(robot), "--cell", str(folder / "cell.toml")]
+    arm = ["--robot", str(robot), "--cell", str(folder / "cell.toml"), "--json"]
     with tempfile.TemporaryDirectory() as name:
         at = Path(name)
         for file, rows in (("learnt.csv", learnt), ("other.csv", other)):
@@ -59,17 +58,9 @@ def tried(job: tuple[Path, str, str, list, list, Path]) -> tuple[str, str, str, 
         errors = []
         for command in ("identify", "diagnose"):
             run(binary, command, str(at / "learnt.csv"), *arm, "--out", str(at / "model.toml"))
-            refit = ["--model", str(at / "model.toml"), "--refit", "frame,targets", "--json"]
-            told = run(binary, "validate", str(at / "other.csv"), *arm, *refit)
-            errors.append(json.loads(told)["after"]["mean_mm"])
+            refit = ["--model", str(at / "model.toml"), "--refit", "frame,targets"]
+            errors.append(run(binary, "validate", str(at / "other.csv"), *arm, *refit)["after"]["mean_mm"])
     return folder.name, split, direction, errors[0], errors[1]
-
-
-def run(binary: Path, *args: str) -> str:
-    done = subprocess.run([str(binary), *args], capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        raise RuntimeError(done.stderr.strip())
-    return done.stdout
 
 
 def main() -> int:

@@ -414,10 +414,11 @@ fn rest_row(rows: &[&VerdictRow], most_named: usize, errors: [f64; 2]) -> Verdic
         said.push("curves of no known cause".into());
     }
     let others = findings.len() - named.iter().map(|r| r.findings.len()).sum::<usize>();
+    let finding = if others == 1 { "finding" } else { "findings" };
     let text = match (said.join(", "), others) {
         (named, 0) => format!("Also: {named}"),
-        (named, n) if named.is_empty() => format!("{n} smaller or less sure finding{}", if n == 1 { "" } else { "s" }),
-        (named, n) => format!("Also: {named}; {n} more finding{}", if n == 1 { "" } else { "s" }),
+        (named, n) if named.is_empty() => format!("{n} smaller or less sure {finding}"),
+        (named, n) => format!("Also: {named}; {n} more {finding}"),
     };
     let corrected = rows.iter().any(|r| r.corrected);
     VerdictRow { findings, corrected, ..plain_row(RowKind::Rest, text, errors) }

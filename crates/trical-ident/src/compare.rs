@@ -32,7 +32,6 @@ use crate::fit::position_errors;
 use crate::model_file::ModelFile;
 use crate::noise::Noise;
 use crate::readings::averaged;
-use crate::repeated::Fingerprint;
 use crate::rigid::mean;
 
 pub use result::{Change, Changed, Comparison, Visible, capital};
@@ -90,7 +89,7 @@ pub fn compare(
     let of_arm = position_errors(&set_up, &adapted.data);
     let mut out = Comparison {
         recording: recording.name.clone(),
-        hash: Fingerprint::of(recording).whole,
+        hash: adapted.data.fingerprints[0].whole.clone(),
         measurements: adapted.data.observations.len(),
         rejected: adapted.data.rejected.clone(),
         setup_of: setup_of(file, newest),

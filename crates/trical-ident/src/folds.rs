@@ -277,12 +277,17 @@ fn usual_distance(joints: &[Joints]) -> f64 {
         })
         .collect();
     let shuffled: Vec<Joints> = (0..n).map(|k| Joints::from_fn(|axis, _| joints[orders[axis][k]][axis])).collect();
-    let every = n.div_ceil(SAMPLE).max(1);
+    let nearest = to_nearest(&shuffled, n.div_ceil(SAMPLE).max(1));
+    crate::rigid::median(&nearest)
+}
+
+/// The distance from each `every`-th pose to its nearest neighbour among all, in no order.
+fn to_nearest(poses: &[Joints], every: usize) -> Vec<f64> {
     // in the order of the joint that is spread most, a search ends where this joint alone is farther away than the nearest so far
-    let axis = longest(shuffled.iter());
-    let mut order: Vec<usize> = (0..n).collect();
-    order.sort_by(|a, b| shuffled[*a][axis].total_cmp(&shuffled[*b][axis]));
-    let nearest: Vec<f64> = order
+    let axis = longest(poses.iter());
+    let mut order: Vec<usize> = (0..poses.len()).collect();
+    order.sort_by(|a, b| poses[*a][axis].total_cmp(&poses[*b][axis]));
+    order
         .iter()
         .enumerate()
         .filter(|(_, a)| *a % every == 0)
@@ -290,7 +295,7 @@ fn usual_distance(joints: &[Joints]) -> f64 {
             let mut least = f64::INFINITY;
             let mut search = |others: &mut dyn Iterator<Item = &usize>| {
                 for other in others {
-                    let d = shuffled[*other] - shuffled[*a];
+                    let d = poses[*other] - poses[*a];
                     if d[axis] * d[axis] >= least {
                         break;
                     }
@@ -302,8 +307,7 @@ fn usual_distance(joints: &[Joints]) -> f64 {
             least.sqrt()
         })
         .filter(|d| d.is_finite())
-        .collect();
-    crate::rigid::median(&nearest)
+        .collect()
 }
 
 #[cfg(test)]
@@ -323,6 +327,24 @@ mod tests {
     fn folds(joints: &[Joints]) -> Folds {
         let n = joints.len();
         Folds { poses: (0..n).collect(), block: blocks(joints), session: vec![0; n] }
+    }
+
+    #[test]
+    fn the_nearest_neighbour_is_that_of_a_search_among_all() {
+        let poses = random(200, 4);
+        for every in [1, 7] {
+            let mut expected: Vec<f64> = (0..200)
+                .step_by(every)
+                .map(|a| {
+                    (0..200).filter(|b| *b != a).map(|b| (poses[a] - poses[b]).norm()).fold(f64::INFINITY, f64::min)
+                })
+                .collect();
+            let mut found = to_nearest(&poses, every);
+            found.sort_by(f64::total_cmp);
+            expected.sort_by(f64::total_cmp);
+            assert_eq!(found, expected);
+        }
+        assert!(to_nearest(&poses[..1], 1).is_empty());
     }
 
     #[test]

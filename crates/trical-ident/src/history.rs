@@ -11,7 +11,7 @@ use crate::date::{by_date, day_in};
 use crate::error::{IdentError, Result};
 use crate::fit::position_errors;
 use crate::model_file::ModelFile;
-use crate::repeated::{Fingerprint, refuse_repeated};
+use crate::repeated::refuse_repeated;
 use crate::rigid::mean;
 
 /// Errors over sessions as a straight line.
@@ -68,12 +68,14 @@ pub fn history(
     joints: Option<JointSource>,
     need_mm: Option<f64>,
 ) -> Result<History> {
-    refuse_repeated(recordings)?;
-    let is_later = |r: &&Recording| file.session_of(&Fingerprint::of(r)).is_none();
+    let prints = refuse_repeated(recordings)?;
     let order = by_date(recordings.iter().map(|r| r.name.as_str())).unwrap_or_else(|| (0..recordings.len()).collect());
-    let (later, own): (Vec<&Recording>, Vec<&Recording>) = order.iter().map(|k| &recordings[*k]).partition(is_later);
-    let sessions = later.into_iter().map(|r| compare(cell, file, r, joints)).collect::<Result<Vec<_>>>()?;
-    let mut learnt = own.into_iter().map(|r| beginning(cell, file, r, joints)).collect::<Result<Vec<_>>>()?;
+    let (later, own): (Vec<usize>, Vec<usize>) =
+        order.into_iter().partition(|k| file.session_of(&prints[*k]).is_none());
+    let sessions =
+        later.into_iter().map(|k| compare(cell, file, &recordings[k], joints)).collect::<Result<Vec<_>>>()?;
+    let mut learnt =
+        own.into_iter().map(|k| beginning(cell, file, &recordings[k], joints)).collect::<Result<Vec<_>>>()?;
     if sessions.is_empty() {
         return Err(IdentError::NotEnough("no session beside those that the model was fitted to".into()));
     }

@@ -47,9 +47,9 @@ impl Fingerprint {
     pub fn is_of(&self, other: &Self) -> bool {
         // of a long recording only measurements below the last that is kept can be looked for
         let last = if other.marks.len() < MARKS { None } else { other.marks.last() };
-        let sought = self.marks.iter().filter(|m| last.is_none_or(|last| *m <= last));
-        let (there, not): (Vec<u32>, Vec<u32>) = sought.partition(|m| other.marks.binary_search(m).is_ok());
-        (!self.whole.is_empty() && self.whole == other.whole) || (there.len() >= CHANCE && there.len() >= not.len())
+        let sought = || self.marks.iter().filter(|m| last.is_none_or(|last| *m <= last));
+        let found = sought().filter(|m| other.marks.binary_search(m).is_ok()).count();
+        (!self.whole.is_empty() && self.whole == other.whole) || (found >= CHANCE && 2 * found >= sought().count())
     }
 }
 

@@ -402,10 +402,10 @@ fn continued(bytes: &[u8], from: usize, mut at: usize, end: usize) -> usize {
 /// Tools and user frames of the controller, by their names in a program and as system variables (`$GROUP[1].$UFRAME` too).
 const FRAMES: [&[u8]; 4] = [b"UTOOL", b"UFRAME", b"MNUTOOL", b"MNUFRAME"];
 
-/// Whether a statement sets a tool or a user frame: one of their names stands before `=`, and in no bracket.
-fn sets_frame(upper: &[u8]) -> bool {
+/// The bytes that stand in no bracket, and where.
+fn outside_brackets(upper: &[u8]) -> impl Iterator<Item = (usize, u8)> {
     let mut depth = 0_usize;
-    let is_outside = |b: &&u8| {
+    upper.iter().copied().enumerate().filter(move |(_, b)| {
         let before = depth;
         match b {
             b'[' | b'(' => depth += 1,
@@ -413,8 +413,12 @@ fn sets_frame(upper: &[u8]) -> bool {
             _ => {}
         }
         before == 0 && depth == 0
-    };
-    let outside: Vec<u8> = upper.iter().filter(is_outside).copied().collect();
+    })
+}
+
+/// Whether a statement sets a tool or a user frame: one of their names stands before `=`, and in no bracket.
+fn sets_frame(upper: &[u8]) -> bool {
+    let outside: Vec<u8> = outside_brackets(upper).map(|(_, b)| b).collect();
     let equals = outside.iter().position(|b| *b == b'=');
     equals.is_some_and(|equals| FRAMES.iter().any(|name| has(&outside[..equals], name)))
 }
@@ -424,16 +428,8 @@ fn action(upper: &[u8]) -> &[u8] {
     if !upper.starts_with(b"IF") || upper.get(2).is_some_and(u8::is_ascii_alphanumeric) {
         return upper;
     }
-    let mut depth = 0_usize;
-    let comma = upper.iter().position(|b| {
-        match b {
-            b'[' | b'(' => depth += 1,
-            b']' | b')' => depth = depth.saturating_sub(1),
-            _ => {}
-        }
-        *b == b',' && depth == 0
-    });
-    comma.map_or(&upper[upper.len()..], |comma| upper[comma + 1..].trim_ascii_start())
+    let behind = outside_brackets(upper).find(|(_, b)| *b == b',').map_or(upper.len(), |(comma, _)| comma + 1);
+    upper[behind..].trim_ascii_start()
 }
 
 /// Which of the `positions` the lines of `/MN` (`main..end`) go to, one after the other, and where registers come from.

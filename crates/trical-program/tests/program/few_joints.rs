@@ -20,21 +20,26 @@ fn tool(model: &Model, q: &[f64]) -> Pose {
     forward.world_from_tool(&state, &mut forward.workspace())
 }
 
+fn radians(q: &[f64]) -> Vec<f64> {
+    q.iter().map(|q| q.to_radians()).collect()
+}
+
+/// Rows of a CSV with these joints (deg), and with the poses of an arm there.
+fn rows(arm: &Model, places: &[Vec<f64>]) -> [String; 2] {
+    let base_from_world = arm.cell.world_from_base.inverse();
+    let pose = |q: &Vec<f64>| {
+        let p = base_from_world.compose(&tool(arm, &radians(q)));
+        format!("{},{}\n", numbers(&mm(&p)), quaternion(&p))
+    };
+    [places.iter().map(|q| numbers(q) + "\n").collect(), places.iter().map(pose).collect()]
+}
+
 #[test]
 fn joints_and_poses_of_an_arm_of_five_joints_bring_its_point_where_it_is_wanted() {
     let nominal = with_five_joints();
     let model = real(&nominal);
     let places: Vec<Vec<f64>> = joints([0.0; 6]).iter().map(|q| q[..5].to_vec()).collect();
-    let radians = |q: &[f64]| q.iter().map(|q| q.to_radians()).collect::<Vec<_>>();
-    let base_from_world = nominal.cell.world_from_base.inverse();
-    let by_joints: String = places.iter().map(|q| numbers(q) + "\n").collect();
-    let by_poses: String = places
-        .iter()
-        .map(|q| {
-            let p = base_from_world.compose(&tool(&nominal, &radians(q)));
-            format!("{},{}\n", numbers(&mm(&p)), quaternion(&p))
-        })
-        .collect();
+    let [by_joints, by_poses] = rows(&nominal, &places);
     assert_ne!(device(), Pose::identity());
     for (head, rows) in
         [("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg\n", by_joints), ("x_mm,y_mm,z_mm,qw,qx,qy,qz\n", by_poses)]
@@ -107,20 +112,11 @@ fn of_an_arm_of_seven_joints_joint_values_are_corrected_and_poses_are_listed() {
         model.terms.push(Term { value, ..Term::new(format!("{parameter:?}"), "test", site, Basis::CONSTANT) });
     }
     let places = [[10.0, 20.0, -15.0, -100.0, 30.0, 110.0, 40.0], [-30.0, 35.0, 10.0, -80.0, -20.0, 90.0, 10.0]];
-    let radians = |q: &[f64]| q.iter().map(|q| q.to_radians()).collect::<Vec<_>>();
-    let base_from_world = nominal.cell.world_from_base.inverse();
-    let by_joints: String = places.iter().map(|q| numbers(q) + "\n").collect();
+    let [by_joints, by_poses] = rows(&nominal, &places.map(Vec::from));
     let text = format!("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,q7_deg\n{by_joints}");
     let (_, report) = run(text.as_bytes(), Dialect::Csv, &nominal, &model, &Frames::default());
     assert!(report.problems.is_empty() && report.rewritten == 2, "{:?}", report.problems);
     assert!(report.before[1] > 5e-4 && report.after[1] < 2e-7, "{:?} {:?}", report.before, report.after);
-    let by_poses: String = places
-        .iter()
-        .map(|q| {
-            let p = base_from_world.compose(&tool(&nominal, &radians(q)));
-            format!("{},{}\n", numbers(&mm(&p)), quaternion(&p))
-        })
-        .collect();
     let text = format!("x_mm,y_mm,z_mm,qw,qx,qy,qz\n{by_poses}");
     let (out, report) = run(text.as_bytes(), Dialect::Csv, &nominal, &model, &Frames::default());
     let said: Vec<String> = report.problems.iter().map(ToString::to_string).collect();

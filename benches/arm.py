@@ -138,7 +138,7 @@ def random_joints(rng, n):
 
 
 def touches(rng, v, n):
-    """Joint values (n, 6) at which the true arm has its tool point on a ball, which ball (0-based), its rotation."""
+    """Joint values (n, 6) at which the true arm has its tool point on a ball, and which ball (0-based)."""
     q = random_joints(rng, 60 * n)
     ball = np.arange(len(q)) % 3
     for _ in range(40):
@@ -155,10 +155,16 @@ def touches(rng, v, n):
     keep = np.concatenate([np.flatnonzero(alive & (ball == b))[: -(-n // 3)] for b in range(3)])[:n]
     if len(keep) < n:
         raise RuntimeError(f"only {len(keep)} of {n} touches were found")
-    give = np.zeros((n, 6))
+    return q[keep], ball[keep]
+
+
+def readings(rng, q, ball, v):
+    """What the indicators read (n, 3): ball minus tool point in the axes of the tool, with noise."""
+    give = np.zeros_like(q)
     if len(v) == ELASTIC:
-        give[:, 1:] = v[RIGID:] * gravity_torques(q[keep], v)[:, 1:]
-    return q[keep], ball[keep], frames(q[keep], v, give)[4][5]
+        give[:, 1:] = v[RIGID:] * gravity_torques(q, v)[:, 1:]
+    rotation = frames(q, v, give)[4][5]
+    return rng.normal(0, NOISE, (len(q), 3)) + np.einsum("nji,nj->ni", rotation, BALLS[ball] - true_positions(q, v))
 
 
 def row_text(row):
@@ -170,14 +176,15 @@ JOINTS = ",".join(f"q{j}_deg" for j in range(1, 7))
 
 
 def write_touches(path, rng, v, n):
-    """A recording of touches: the indicators read ball minus tool point in the axes of the tool."""
-    q, ball, rotation = touches(rng, v, n)
-    reading = rng.normal(0, NOISE, (n, 3))
-    off = true_positions(q, v)
-    reading += np.einsum("nji,nj->ni", rotation, BALLS[ball] - off)
+    """A recording of touches with the tool point on the balls."""
+    write_readings(path, rng, *touches(rng, v, n), v)
+
+
+def write_readings(path, rng, q, ball, v):
+    """A recording of touches at these joint values, of these balls."""
     with open(path, "w") as f:
         f.write(f"ball,{JOINTS},ix_mm,iy_mm,iz_mm\n")
-        for b, a, r in zip(ball, np.rad2deg(q), 1e3 * reading, strict=True):
+        for b, a, r in zip(ball, np.rad2deg(q), 1e3 * readings(rng, q, ball, v), strict=True):
             f.write(f"{b + 1},{row_text(a)},{row_text(r)}\n")
 
 
@@ -242,8 +249,22 @@ positions_mm = [{", ".join(map(vector, BALLS))}]
 """
 
 
-def write_all(folder, big=1_000_000):
-    """All files of the task. `big` is the number of rows of the largest recording; 0 for none."""
+def write_fleet(folder, arms):
+    """A folder with a recording of each of `arms` arms, which are drawn as the others are.
+
+    All touch where the nominal arm has its tool point on a ball, as one plan for all makes them: they read some mm.
+    """
+    folder.mkdir(exist_ok=True)
+    for old in folder.iterdir():
+        old.unlink()
+    rng = np.random.default_rng(SEED + 3)
+    q, ball = touches(rng, np.zeros(RIGID), 45)
+    for k in range(arms):
+        write_readings(folder / f"arm{k:04d}.csv", rng, q, ball, truth(rng, True))
+
+
+def write_all(folder, big=1_000_000, arms=0):
+    """All files of the task. `big` is the number of rows of the largest recording, `arms` the fleet's; 0 for none."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "robot.toml").write_text(robot_toml())
@@ -258,7 +279,9 @@ def write_all(folder, big=1_000_000):
             write_points(folder / f"{kind}_big.csv", rng, v, big)
     rng = np.random.default_rng(SEED + 2)
     np.savetxt(folder / "joints.txt", random_joints(rng, 1000), fmt="%.17g")
+    if arms:
+        write_fleet(folder / "fleet", arms)
 
 
 if __name__ == "__main__":
-    write_all(sys.argv[1], int(sys.argv[2]) if len(sys.argv) > 2 else 1_000_000)
+    write_all(sys.argv[1], *map(int, sys.argv[2:]))

@@ -5,7 +5,7 @@ Threads of linear algebra libraries are off: on small tasks they cost more CPU t
 
 import os
 
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS", "RAYON_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
 import json
@@ -18,6 +18,8 @@ from pathlib import Path
 #: The folder of the task, and the rows that are wanted (all, if none is named).
 FOLDER = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(".")
 ROWS = sys.argv[2:]
+#: Of calls that take turns, those that take more CPU seconds than this are timed once.
+SLOW = 5.0
 
 
 def wants(row):
@@ -41,6 +43,19 @@ def cpu_time(call, batches=9, at_least=0.05):
             call()
         every.append((time.process_time() - start) / count)
     return statistics.median(every)
+
+
+def cpu_times_in_turn(calls, rounds=3):
+    """CPU seconds of calls by name that take long, in turn: (name, round, seconds, what the call gave)."""
+    slow = set()
+    for round in range(1, rounds + 1):
+        for name in [name for name in calls if name not in slow]:
+            start = time.process_time()
+            gave = calls[name]()
+            seconds = time.process_time() - start
+            if seconds > SLOW:
+                slow.add(name)
+            yield name, round, seconds, gave
 
 
 def report(row, who, seconds, accuracy="", package=None, error=None):

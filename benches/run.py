@@ -104,17 +104,17 @@ class Results:
             found = subprocess.run([str(c) for c in [*command, WORK, *rows]], env=env, text=True, capture_output=True)
             for line in found.stdout.splitlines():
                 if line.startswith("{"):
-                    self.add({**json.loads(line), "round": round})
+                    self.add({"round": round, **json.loads(line)})
             if found.returncode:
                 reason = f"stopped: {last_line(found.stderr)}"
         if reason:
             self.add({"row": rows[0] if rows else "not measured", "who": who, "seconds": None, "error": reason})
 
 
-def tasks(big):
+def tasks(big, arms):
     """Writes the task with the NumPy of the main environment."""
     say("task")
-    run([python("main"), HERE / "arm.py", WORK, big])
+    run([python("main"), HERE / "arm.py", WORK, big, arms])
     run([python("main"), HERE / "scene.py", WORK])
 
 
@@ -173,6 +173,15 @@ def peers(results, rows):
             for script in scripts if round == 1 or name not in ONCE else ():
                 command = [python(name), "-W", "ignore", HERE / f"peers/{script}.py"]
                 results.of(script.removesuffix("_peer"), command, reasons.get(name), rows, round)
+
+
+def data(results, rows, path, reason):
+    """Large files into memory, and a fleet on Dask: with the wheel at `path`, or why there is none. They take turns."""
+    reason = reason or environment("data")
+    if reason is None:
+        run([python("data"), "-m", "pip", "install", "--quiet", "--force-reinstall", "--no-deps", path])
+    for who, script in {"loading": "loading", "a fleet": "fleet"}.items():
+        results.of(who, [python("data"), "-W", "ignore", HERE / f"peers/{script}.py"], reason, rows)
 
 
 def whole_program(results, round):
@@ -272,7 +281,8 @@ SCALE = {
     ),
     "fleet": (
         "Arms in a fleet: 45 touches each, 31 parameters",
-        "Arms share nothing, so time is proportional to their number and two threads halve it.",
+        "Choice of parameters, fit and covariance, from Rust, the data in memory. Arms share nothing, so time is "
+        "proportional to their number and two threads halve it.",
     ),
 }
 
@@ -349,7 +359,7 @@ def write(results, where, begun):
     parts += [f"Measured {datetime.date.today():%Y-%m-%d} in {(time.time() - begun) / 60:.0f} minutes: {where}.", ""]
     parts += ["## In short", "", table.summary(lines), "", "Where ours is not first:", ""]
     parts += [*(slower or ["- nowhere in this run."]), "", "## Start-up and size", "", table.targets(lines), ""]
-    parts += ["## Scale", "", table.scale(lines, SCALE), "## All rows", "", table.details(lines)]
+    parts += ["## Scale", "", table.scale(lines, SCALE), table.fleet(lines), "## All rows", "", table.details(lines)]
     (ROOT / "docs" / "benchmarks.md").write_text("\n".join(parts).rstrip() + "\n")
     readme = (ROOT / "README.md").read_text()
     told = table.summary([r for r in lines if r.get("row") in IN_README])
@@ -360,11 +370,17 @@ def write(results, where, begun):
 def main():
     """The command."""
     parser = argparse.ArgumentParser(prog="bench", description=__doc__)
-    parser.add_argument("part", nargs="?", choices=["all", "peers", "scale", "startup"], default="all")
+    parser.add_argument("part", nargs="?", choices=["all", "peers", "data", "scale", "startup"], default="all")
     parser.add_argument(
-        "--rows", nargs="+", default=[], metavar="ROW", help="with peers: only these rows (names as in the table)"
+        "--rows",
+        nargs="+",
+        default=[],
+        metavar="ROW",
+        help="with peers and data: only these rows (names as in the table)",
     )
-    parser.add_argument("--quick", action="store_true", help="without the million poses and the clean build")
+    parser.add_argument(
+        "--quick", action="store_true", help="without the million poses and the clean build, and a fleet of 100 arms"
+    )
     parser.add_argument("--huge", action="store_true", help="scale up to ten million poses (1 GB of CSV)")
     args = parser.parse_args()
     begun, where = time.time(), machine()
@@ -373,17 +389,21 @@ def main():
         sys.exit(f"bench: the main environment {reason}")
     WORK.mkdir(exist_ok=True)
     results = Results(WORK / "results.jsonl")
-    tasks(0 if args.quick or args.part in ("scale", "startup") else 1_000_000)
     whole = args.part == "all"
+    big = 0 if args.quick or args.part in ("scale", "startup") else 1_000_000
+    tasks(big, (100 if args.quick else 1000) if whole or args.part == "data" else 0)
     if args.part in ("scale", "startup"):
         build()
     if whole or args.part == "peers":
         peers(results, args.rows)
-    if whole or args.part == "startup":
+    if whole or args.part in ("startup", "data"):
         path, reason = wheel()
+    if whole or args.part == "startup":
         startup(results, path, reason, not args.quick)
         if path:
             results.of("TriCal, Python", [python("main"), HERE / "peers/trical_python.py"])
+    if whole or args.part == "data":
+        data(results, args.rows, path, reason)
     if whole or args.part == "scale":
         scales(results, args.huge)
     if whole:
@@ -393,6 +413,7 @@ def main():
             table.summary(results.lines),
             table.targets(results.lines),
             table.scale(results.lines, SCALE),
+            table.fleet(results.lines),
             table.details(results.lines),
             sep="\n\n",
         )

@@ -179,7 +179,11 @@ def data(results, rows, path, reason):
     """Large files into memory, and a fleet on Dask: with the wheel at `path`, or why there is none. They take turns."""
     reason = reason or environment("data")
     if reason is None:
-        run([python("data"), "-m", "pip", "install", "--quiet", "--force-reinstall", "--no-deps", path])
+        pip = [python("data"), "-m", "pip", "install", "--quiet", "--force-reinstall", "--no-deps", path]
+        try:
+            run(pip, capture_output=True)
+        except subprocess.CalledProcessError as e:
+            reason = f"does not install: {last_line(e.stderr)}"
     for who, script in {"loading": "loading", "a fleet": "fleet"}.items():
         results.of(who, [python("data"), "-W", "ignore", HERE / f"peers/{script}.py"], reason, rows)
 

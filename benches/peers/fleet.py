@@ -78,7 +78,7 @@ def cluster():
     clock = Clock()
     options = {"n_workers": WORKERS, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
     with LocalCluster(**options) as local, Client(local) as client:
-        client.wait_for_workers(WORKERS)
+        client.wait_for_workers(WORKERS, timeout=120)
         workers = client.run(ready)
         started = clock.read()
         yield client, {"wall": started["wall"], "seconds": started["seconds"] + sum(workers.values())}

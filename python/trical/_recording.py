@@ -134,9 +134,6 @@ class Recording:
         Names, units and meaning are those of docs/formats.md: mm and degrees; what is missing in a row is NaN or None.
         `identify`, `diagnose` and `validate` accept such a frame directly. Raises RecordingError.
         """
-        import csv
-        import io
-
         import numpy as np
 
         if hasattr(frame, "collect_schema") and hasattr(frame, "collect"):
@@ -150,22 +147,22 @@ class Recording:
         twice = next((n for k, n in enumerate(names) if n in names[:k]), None)
         if twice is not None:
             raise RecordingError(f"{name}, header: column {twice} is given twice")
-        columns = {str(c): np.asarray(frame[c], dtype=object).tolist() for c in frame.columns}
 
-        first = next(iter(columns), "")
-        if first.lower() == "place":  # a line that begins with "#1" is a remark
-            columns[first] = columns.pop(first)
-
-        def cell(x: Any) -> Any:
+        def cell(x: Any) -> str:
             # neither NaN nor pandas.NA is equal to itself
             missing = x is None or type(x).__name__ == "NAType" or x != x
-            return "" if missing else float(x) if isinstance(x, np.floating) else x
+            return "" if missing else str(x)
 
-        text = io.StringIO(newline="")
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows([cell(x) for x in row] for row in zip(*columns.values(), strict=True))
-        return cls._of(Rows.parse(name, text.getvalue()))
+        def column(values: Any) -> npt.NDArray[np.float64] | list[str]:
+            plain = np.asarray(values)
+            if plain.dtype.kind == "f":
+                return plain.astype(np.float64)
+            return [cell(x) for x in np.asarray(values, dtype=object).tolist()]
+
+        columns = [(str(c), column(frame[c])) for c in frame.columns]
+        if columns and columns[0][0].lower() == "place":  # a line that begins with "#1" is a remark
+            columns.append(columns.pop(0))
+        return cls._of(Rows.table(name, columns))
 
     def save(self, path: PathLike) -> None:
         """Write a .csv or an .mcap, by the ending of the name."""

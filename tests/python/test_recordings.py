@@ -299,3 +299,14 @@ def test_a_lazy_frame_is_to_be_collected_first() -> None:
 
     with pytest.raises(TypeError, match=r"LazyFrame.*collect\(\) first"):
         trical.Recording.from_frame(Lazy())  # type: ignore[arg-type]
+
+
+def test_columns_of_different_lengths_are_refused_by_their_names() -> None:
+    class Uneven:
+        columns = ("q1_deg", "x_mm", "y_mm", "z_mm")
+
+        def __getitem__(self, name: str) -> list[float]:
+            return [1.0] * (2 if name == "z_mm" else 3)
+
+    with pytest.raises(trical.RecordingError, match=r"^DataFrame: column y_mm has 3 rows, z_mm has 2$"):
+        trical.Recording.from_frame(Uneven())  # type: ignore[arg-type]

@@ -1,11 +1,12 @@
 //! The rows of a recording: from files, from arrays, as arrays.
 
 use std::ffi::CString;
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use numpy::ndarray::{Array1, Array2};
-use numpy::{Element, IntoPyArray};
+use numpy::{Element, IntoPyArray, PyReadonlyArray1, PyUntypedArrayMethods};
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
@@ -25,6 +26,46 @@ const FAR: f64 = 1e3;
 /// The rows of a recording; `trical.Recording` shows them.
 #[pyclass(name = "Rows", module = "trical._native", frozen)]
 pub struct PyRows(pub Arc<Recording>);
+
+/// A column of a table: numbers, of which one that is not a number is missing, or texts.
+#[derive(FromPyObject)]
+enum InTable<'py> {
+    Numbers(PyReadonlyArray1<'py, f64>),
+    Texts(Vec<String>),
+}
+
+impl InTable<'_> {
+    fn len(&self) -> usize {
+        match self {
+            Self::Numbers(numbers) => numbers.len(),
+            Self::Texts(texts) => texts.len(),
+        }
+    }
+}
+
+/// The text of a CSV with these columns.
+fn csv_of(columns: &[(String, InTable<'_>)]) -> csv::Result<Vec<u8>> {
+    let mut text = csv::Writer::from_writer(Vec::new());
+    text.write_record(columns.iter().map(|(name, _)| name))?;
+    let mut number = String::new();
+    for k in 0..columns.first().map_or(0, |(_, column)| column.len()) {
+        for (_, column) in columns {
+            match column {
+                InTable::Texts(texts) => text.write_field(&texts[k])?,
+                InTable::Numbers(numbers) => {
+                    let x = numbers.as_array()[k];
+                    number.clear();
+                    if !x.is_nan() {
+                        let _ = write!(number, "{x:?}");
+                    }
+                    text.write_field(&number)?;
+                }
+            }
+        }
+        text.write_record(None::<&[u8]>)?;
+    }
+    text.into_inner().map_err(|e| e.into_error().into())
+}
 
 fn wrong(text: String) -> PyErr {
     RecordingError::new_err(text)
@@ -323,10 +364,15 @@ impl PyRows {
         py.detach(|| load(&path, joints, part)).map(|r| Self(Arc::new(r)))
     }
 
-    /// Reads the text of a CSV.
+    /// Reads columns by name, as a CSV has them.
     #[staticmethod]
-    fn parse(py: Python<'_>, name: &str, text: &str) -> Result<Self> {
-        py.detach(|| Ok(Self(Arc::new(warned(parse(name, text.as_bytes())?)?))))
+    fn table(py: Python<'_>, name: &str, columns: Vec<(String, InTable<'_>)>) -> Result<Self> {
+        if let Some(two) = columns.windows(2).find(|two| two[0].1.len() != two[1].1.len()) {
+            let [(a, first), (b, second)] = [&two[0], &two[1]];
+            return Err(wrong(format!("{name}: column {a} has {} rows, {b} has {}", first.len(), second.len())).into());
+        }
+        let text = csv_of(&columns).map_err(|e| bad(format!("{name}: {e}")))?;
+        py.detach(|| Ok(Self(Arc::new(warned(parse(name, text.as_slice())?)?))))
     }
 
     /// From arrays by name.

@@ -9,7 +9,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use trical_model::{JointKind, Joints, Robot};
 
 /// What the text of a target demands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Configuration {
     /// Nothing: the solution nearest to the target before.
     Free,

@@ -24,6 +24,7 @@
 //! |---|---|
 //! | [`dialects`] | the table of dialects, and a reader for each |
 //! | [`scan`], [`names`], [`scopes`] | what they find; names followed to targets; names that routines have for themselves |
+//! | [`packed`] | where targets stand in the text, in few bytes |
 //! | [`literal`] | numbers as poses and joint values, both ways |
 //! | [`text`], [`expression`] | bytes, numbers, lines; constant expressions |
 //! | [`flow`] | which of them routines, branches and loops leave |
@@ -49,6 +50,7 @@ pub mod literal;
 pub mod modules;
 pub mod names;
 pub mod options;
+pub mod packed;
 pub mod reaching;
 pub mod report;
 pub mod rewriting;

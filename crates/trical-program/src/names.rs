@@ -7,8 +7,6 @@ mod unused;
 use std::cmp::Ordering;
 use std::collections::{BTreeSet, HashMap, HashSet};
 
-use nalgebra::Vector3;
-
 use crate::reaching::{Definition, Part};
 use crate::scan::{Fork, OWN_SETUP, Scan, Visit, hashed_as_written, reached};
 
@@ -19,8 +17,8 @@ pub enum Way {
     To,
     /// Element `k` (0-based) of an array of targets.
     Element(usize),
-    /// Shifted against it.
-    Near(Vector3<f64>, bool),
+    /// Shifted against it (what [`Scan::shift`] returned).
+    Near(u32),
     /// Related to it in a way that is known only when the program runs.
     Computed,
     /// An element of a list of targets that is known only when the program runs.
@@ -80,6 +78,10 @@ pub struct Names {
     defined: HashMap<u64, u32>,
     groups: Vec<Group>,
     uses: Vec<Use>,
+    /// Motions to names, among these.
+    motions: Vec<Motion>,
+    /// Calls, among these: what is called, and whether it may move the arm if it is no routine of this file.
+    calls: Vec<(u64, bool)>,
     /// What names are set from, and whether where that stands is known ([`Self::set_here`]).
     origins: HashMap<u64, Vec<(Origin, bool)>>,
     /// Names with others that they are set from.
@@ -159,11 +161,22 @@ struct Group {
     used: Option<u32>,
 }
 
+/// A motion to a name, which stands at `at`.
+#[derive(Clone, Copy, Debug)]
+struct Motion {
+    name: u64,
+    setup: u32,
+    way: Way,
+    at: u32,
+}
+
 #[derive(Clone, Copy, Debug)]
 enum Use {
-    Named { name: u64, setup: u32, way: Way, at: u32 },
+    /// Index into `Names::motions`.
+    Named(u32),
     Direct(Visit),
-    Called { name: u64, elsewhere: bool },
+    /// Index into `Names::calls`.
+    Called(u32),
 }
 
 impl Names {
@@ -197,9 +210,9 @@ impl Names {
     /// All of the file is read: what is told from here on, other files do. Of one without motions nobody knows what uses its targets.
     pub fn end_of_file(&mut self) {
         let is_motion = |u: &Use| match u {
-            Use::Named { way, .. } => !matches!(way, Way::Said),
+            Use::Named(k) => !matches!(self.motions.get(*k as usize), Some(Motion { way: Way::Said, .. })),
             Use::Direct(visit) => !matches!(visit, Visit::Fork(_) | Visit::Like(_) | Visit::OnPath(_)),
-            Use::Called { .. } => false,
+            Use::Called(_) => false,
         };
         self.only_data = !self.uses.iter().any(is_motion);
     }
@@ -295,7 +308,8 @@ impl Names {
         if !matches!(way, Way::Said) {
             self.moves();
         }
-        self.uses.push(Use::Named { name, setup, way, at: at as u32 });
+        self.uses.push(Use::Named(self.motions.len() as u32));
+        self.motions.push(Motion { name, setup, way, at: at as u32 });
     }
 
     /// The program sets the data of this name somewhere: any motion may meet that.
@@ -362,8 +376,7 @@ impl Names {
     /// To what the motions go, and with which setups.
     #[must_use]
     pub fn motions(&self) -> BTreeSet<(u64, u32)> {
-        let named = |u: &Use| if let Use::Named { name, setup, .. } = u { Some((*name, *setup)) } else { None };
-        self.uses.iter().filter_map(named).collect()
+        self.motions.iter().map(|motion| (motion.name, motion.setup)).collect()
     }
 
     /// Motions to this name with this setup are meant as these.
@@ -437,7 +450,8 @@ impl Names {
         if let Some(own) = self.own_routine() {
             own.calls.insert(name);
         }
-        self.uses.push(Use::Called { name, elsewhere });
+        self.uses.push(Use::Called(self.calls.len() as u32));
+        self.calls.push((name, elsewhere));
     }
 
     fn own_routine(&mut self) -> Option<&mut Routine> {

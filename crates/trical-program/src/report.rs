@@ -323,7 +323,7 @@ impl<'a> Tally<'a> {
     }
 
     fn problem(&mut self, spot: &Spot, what: &str) -> Problem {
-        let mut problem = self.problem_at(self.scan.at(spot), spot.name, String::new());
+        let mut problem = self.problem_at(self.scan.at(spot), self.scan.written(spot).name, String::new());
         problem.what = self.with_lines(what);
         problem
     }
@@ -364,13 +364,15 @@ impl<'a> Tally<'a> {
     /// Points that were taught with the controller's own calibration, in one sentence.
     pub fn absolutely_accurate(&mut self) -> Option<String> {
         let scan = self.scan;
-        let is_one = |s: &&Spot| matches!(s.configuration, Configuration::Kuka { s: Some(s), .. } if s & ABSOLUTE != 0);
-        let all: Vec<&Spot> = scan.spots.iter().filter(is_one).collect();
-        let line = self.line(scan.at(all.first()?)).1;
+        let is_one = |s: &&Spot| {
+            matches!(scan.configuration(s), Configuration::Kuka { s: Some(s), .. } if s & ABSOLUTE != 0)
+        };
+        let first = scan.spots.iter().find(is_one)?;
+        let line = self.line(scan.at(first)).1;
         Some(format!(
             "{} of {} targets were taught on an absolutely accurate robot (bit 4 of S, the first in line {line}): if the controller's own calibration is \
              switched on, it corrects the arm too, and both together make it worse",
-            all.len(),
+            scan.spots.iter().filter(is_one).count(),
             scan.spots.len()
         ))
     }
@@ -378,13 +380,14 @@ impl<'a> Tally<'a> {
     /// Targets of which nothing says with which tool and frame they are meant, in one sentence.
     pub fn unsaid(&mut self) -> Option<String> {
         let scan = self.scan;
-        let says = |s: &Spot| s.setup.and_then(|k| scan.setups.get(k as usize)).is_some_and(|s| *s != Setup::default());
-        let all: Vec<&Spot> = scan.spots.iter().filter(|s| !s.shape.is_joints() && !says(s)).collect();
-        let first = self.place(scan.at(all.first()?), Span::default());
+        let says = |s: &Spot| s.setup().and_then(|k| scan.setups.get(k as usize)).is_some_and(|s| *s != Setup::default());
+        let is_unsaid = |s: &&Spot| !s.shape.is_joints() && !says(s);
+        let first = scan.spots.iter().find(is_unsaid)?;
+        let first = self.place(scan.at(first), Span::default());
         Some(format!(
             "nothing in the files read sets a tool or a base for {} of {} targets (the first in {first}): the cell's tool in the robot's base is taken \
              ({} and {} say others)",
-            all.len(),
+            scan.spots.iter().filter(is_unsaid).count(),
             scan.spots.len(),
             self.options.spelling.of("tool"),
             self.options.spelling.of("frame")
@@ -427,7 +430,7 @@ impl<'a> Tally<'a> {
                 return self.report.problems.push(problem);
             }
         };
-        if let Some(n) = self.counts.get_mut(spot.setup.map_or(self.scan.setups.len(), |s| s as usize)) {
+        if let Some(n) = self.counts.get_mut(spot.setup().map_or(self.scan.setups.len(), |s| s as usize)) {
             *n += 1;
         }
         if let Some(joint) = self.options.visited.beyond(&done.joints) {

@@ -3,7 +3,7 @@
 use std::collections::{BTreeSet, HashMap, HashSet, VecDeque};
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::Duration;
 
 use trical_model::interrupt::checkpoint;
@@ -25,6 +25,9 @@ use crate::text::contains;
 
 /// Targets that one thread takes at a time.
 const BLOCK: usize = 2048;
+
+/// Blocks for all threads that are solved ahead of those that are rewritten, at most.
+const LEAD: usize = 4;
 
 /// A program, perhaps of several files that stand one behind the other in `bytes`: names and frames of each hold in all.
 pub struct Program<'a> {
@@ -160,7 +163,7 @@ fn rewrite_all(all: &Compensator<'_>, scan: &Scan, writer: &mut Writer<'_, '_>) 
     let size = BLOCK * threads;
     let failed = &AtomicBool::new(false);
     std::thread::scope(|scope| {
-        let (give, starts) = channel();
+        let (give, starts) = sync_channel(LEAD);
         let ahead = scope.spawn(move || {
             // whoever no longer listens has failed, and says so
             all.starts(size, &mut |block| drop(give.send(block)), &|| failed.load(Ordering::Relaxed))
@@ -209,14 +212,13 @@ impl<'a, 'b> Writer<'a, 'b> {
         } else {
             Vec::new()
         };
-        let near = |v: &Visit| if let Visit::Near { spot, .. } = v { Some(*spot) } else { None };
         Self {
             scan,
             out: Splice { bytes, at: 0, parts, part: 0 },
             marks,
             tally: Tally::new(scan, bytes, files, options),
             index: 0,
-            shifted: scan.visits.iter().filter_map(near).collect(),
+            shifted: scan.near.iter().map(|near| near.spot).collect(),
             moved: HashMap::new(),
         }
     }
@@ -263,7 +265,7 @@ fn configuration_unsaid(scan: &Scan) -> Option<String> {
     });
     // those that no motion names are solved in the order of the file
     let unsaid =
-        first.or(scan.spots.first()).is_some_and(|s| !s.shape.is_joints() && s.configuration == Configuration::Free);
+        first.or(scan.spots.first()).is_some_and(|s| !s.shape.is_joints() && scan.configuration(s) == Configuration::Free);
     (unsaid && scan.nearest.is_empty()).then(|| {
         let taken = if scan.first_seed().is_some() { "where the program ends" } else { "joints at zero" };
         format!(

@@ -2,7 +2,7 @@
 
 use std::collections::hash_map::DefaultHasher;
 use std::collections::{HashMap, HashSet};
-use std::hash::Hasher;
+use std::hash::{Hash, Hasher};
 
 use nalgebra::Vector3;
 use trical_model::Joints;
@@ -10,41 +10,28 @@ use trical_model::Joints;
 use crate::branch::Configuration;
 use crate::frames::Frames;
 use crate::literal::Shape;
+use crate::packed::{External, Packed, Written};
 use crate::text::{Span, lower};
 
-/// A target in the text.
+/// A target in the text. Programs have millions of them: the rest of it is asked of the [`Scan`].
 #[derive(Clone, Copy, Debug)]
 pub struct Spot {
-    /// First of its numbers in `Scan::spans`.
+    /// Where it begins in `Scan::written`.
     first: u32,
-    /// How many; those of a configuration stand behind the others.
-    count: u8,
-    /// Where it begins in the file.
-    at: u32,
-    /// What they say.
+    /// Index into `Scan::configurations`.
+    configuration: u32,
+    /// Index into `Scan::setups`, or [`OWN_SETUP`].
+    setup: u32,
+    /// What its numbers say.
     pub shape: Shape,
-    /// The configuration that the text demands.
-    pub configuration: Configuration,
-    /// Index into `Scan::setups`; `None` where nothing in the file says it.
-    pub setup: Option<u32>,
-    /// Whether it is used with a second setup.
-    pub ambiguous: Option<u32>,
-    /// Its name in the text; empty where it has none.
-    pub name: Span,
-    /// Where it asks external axes (a track, a positioner) to be.
-    pub external: External,
 }
 
-/// External axes of a target.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum External {
-    /// It says nothing of them.
-    #[default]
-    None,
-    /// The first is here, in the text's unit (mm of a track); others are at 0 or not there.
-    First(f64),
-    /// Others than the first are elsewhere than at 0.
-    Others,
+impl Spot {
+    /// Index into `Scan::setups`; `None` where nothing in the file says it.
+    #[must_use]
+    pub fn setup(&self) -> Option<u32> {
+        (self.setup != OWN_SETUP).then_some(self.setup)
+    }
 }
 
 /// The tool and the frame that targets are meant with; `None` is what the file's user says, or the cell's tool and the
@@ -98,17 +85,8 @@ pub const OWN_SETUP: u32 = u32::MAX;
 pub enum Visit {
     /// To a target (index into `Scan::spots`).
     To(u32),
-    /// To a place that is shifted against a target: the target itself stays, but the next one is approached from there.
-    Near {
-        /// Index into `Scan::spots`.
-        spot: u32,
-        /// How far, m.
-        shift: Vector3<f64>,
-        /// Along the tool's axes; else along the frame's.
-        in_tool: bool,
-        /// Where the motion stands in the file.
-        at: u32,
-    },
+    /// To a place that is shifted against a target (index into `Scan::near`): the target itself stays, but the next one is approached from there.
+    Near(u32),
     /// No motion: the next target is reached in the configuration nearest to these joints (index into `Scan::nearest`).
     Like(u32),
     /// No motion: whether the motions that follow go along a path, on which the controller asks for no configuration.
@@ -117,6 +95,26 @@ pub enum Visit {
     Unknown,
     /// No motion: the program need not come from the text above.
     Fork(Fork),
+}
+
+/// A motion to a place that is shifted against a target.
+#[derive(Clone, Copy, Debug)]
+pub struct Near {
+    /// Index into `Scan::spots`.
+    pub spot: u32,
+    /// How far.
+    pub shift: Shift,
+    /// Where the motion stands in the file.
+    pub at: u32,
+}
+
+/// How far a place is from a target.
+#[derive(Clone, Copy, Debug)]
+pub struct Shift {
+    /// In m.
+    pub by: Vector3<f64>,
+    /// Along the tool's axes; else along the frame's.
+    pub in_tool: bool,
 }
 
 /// From where the program comes to a place in the text.
@@ -165,11 +163,15 @@ pub struct Outside {
 pub struct Scan {
     /// Targets in the order of the file.
     pub spots: Vec<Spot>,
-    spans: Vec<Span>,
+    written: Packed,
+    configurations: Vec<Configuration>,
+    configuration_indices: HashMap<Configuration, u32>,
+    /// The other setup of targets that are used with several, by `Spot::first`.
+    ambiguous: HashMap<u32, u32>,
     /// Values of numbers that are written as expressions, by their offset.
     expressions: HashMap<u32, f64>,
-    /// Names that stand in targets in the place of numbers, by the first of the target's numbers in `spans`.
-    named_parts: HashMap<u32, Vec<(Span, Vec<Span>)>>,
+    /// Of targets in which names stand in the place of numbers, where they begin in the file and these names, by `Spot::first`.
+    named_parts: HashMap<u32, (u32, Vec<(Span, Vec<Span>)>)>,
     /// Tools and frames that targets are used with.
     pub setups: Vec<Setup>,
     setup_indices: HashMap<Setup, u32>,
@@ -185,6 +187,10 @@ pub struct Scan {
     pub called: Vec<(usize, Outside)>,
     /// In the order of the program, as far as the file tells; targets that no motion names are not in it.
     pub visits: Vec<Visit>,
+    /// Motions to places that are shifted against targets.
+    pub near: Vec<Near>,
+    /// How far places of motions to names are from these.
+    shifts: Vec<Shift>,
     /// Joints that the program gives to choose a configuration by, rad.
     pub nearest: Vec<Joints>,
     /// Motions, and changes of a target's coordinates, that are relative to a target by what only the running program knows.
@@ -221,8 +227,8 @@ impl Scan {
                 Visit::Like(_) => return Some(k),
                 Visit::To(spot) => match self.spots.get(*spot as usize) {
                     Some(s) if s.shape.is_joints() => return Some(k),
-                    Some(s) if s.configuration != Configuration::Free && !on_path => return Some(k),
-                    Some(s) if s.configuration != Configuration::Free => unasked = unasked.or(Some(k)),
+                    Some(s) if self.configuration(s) != Configuration::Free && !on_path => return Some(k),
+                    Some(s) if self.configuration(s) != Configuration::Free => unasked = unasked.or(Some(k)),
                     _ => {}
                 },
                 _ => {}
@@ -231,61 +237,48 @@ impl Scan {
         unasked
     }
 
-    /// The numbers of a target.
+    /// What a target has in the text.
     #[must_use]
-    pub fn spans(&self, spot: &Spot) -> &[Span] {
-        let first = spot.first as usize;
-        self.spans.get(first..first + spot.count as usize).unwrap_or(&[])
+    pub fn written(&self, spot: &Spot) -> Written {
+        self.written.get(spot.first)
+    }
+
+    /// The configuration that the text of a target demands.
+    #[must_use]
+    pub fn configuration(&self, spot: &Spot) -> Configuration {
+        self.configurations.get(spot.configuration as usize).copied().unwrap_or(Configuration::Free)
     }
 
     /// Where a target begins in the file.
     #[must_use]
     pub fn at(&self, spot: &Spot) -> usize {
-        spot.at as usize
+        let named = self.named_parts.get(&spot.first).map(|(at, _)| *at);
+        named.or_else(|| self.written(spot).numbers.first().map(|s| s.at)).unwrap_or(0) as usize
     }
 
     /// Adds a target; numbers of its configuration stand behind the others.
-    pub fn push(&mut self, shape: Shape, spans: &[Span], configuration: Configuration, name: Span) -> u32 {
-        let first = self.spans.len() as u32;
-        self.spans.extend_from_slice(spans);
-        let count = u8::try_from(spans.len()).unwrap_or(0);
-        self.spots.push(Spot {
-            first,
-            count,
-            at: spans.first().map_or(0, |s| s.at),
-            shape,
-            configuration,
-            setup: None,
-            ambiguous: None,
-            name,
-            external: External::None,
-        });
+    pub fn push(
+        &mut self,
+        shape: Shape,
+        numbers: &[Span],
+        configuration: Configuration,
+        name: Span,
+        external: External,
+    ) -> u32 {
+        let first = self.written.push(numbers, name, external);
+        let configuration = index_of(configuration, &mut self.configurations, &mut self.configuration_indices);
+        self.spots.push(Spot { first, configuration, setup: OWN_SETUP, shape });
         (self.spots.len() - 1) as u32
     }
 
     /// The newest target has the data of these names (the spans) for some of its numbers; it begins at `at`.
     pub fn named_parts(&mut self, at: u32, parts: Vec<(Span, Vec<Span>)>) {
-        if let Some(spot) = self.spots.last_mut() {
-            spot.at = at;
-            self.named_parts.insert(spot.first, parts);
-        }
+        self.named_parts.extend(self.spots.last().map(|spot| (spot.first, (at, parts))));
     }
 
     /// Names in a target, each with its numbers where the program declares it.
     pub fn parts_of(&self, spot: &Spot) -> impl Iterator<Item = &(Span, Vec<Span>)> {
-        self.named_parts.get(&spot.first).into_iter().flatten()
-    }
-
-    /// Where the newest target asks external axes to be, the first of them first.
-    pub fn external_axes(&mut self, values: &[Option<f64>]) {
-        let elsewhere = values.iter().skip(1).flatten().any(|v| *v != 0.0);
-        if let Some(spot) = self.spots.last_mut() {
-            spot.external = match values.first() {
-                _ if elsewhere => External::Others,
-                Some(Some(first)) => External::First(*first),
-                _ => External::None,
-            };
-        }
+        self.named_parts.get(&spot.first).into_iter().flat_map(|(_, parts)| parts)
     }
 
     /// Keeps the value of a number that is written as an expression.
@@ -319,12 +312,30 @@ impl Scan {
         let mut kept = moved.iter();
         self.spots.retain(|_| kept.next().is_some_and(Option::is_some));
         for visit in &mut self.visits {
-            let (Visit::To(spot) | Visit::Near { spot, .. }) = visit else { continue };
+            let spot = match visit {
+                Visit::To(spot) => Some(spot),
+                Visit::Near(k) => self.near.get_mut(*k as usize).map(|near| &mut near.spot),
+                _ => None,
+            };
+            let Some(spot) = spot else { continue };
             match moved.get(*spot as usize) {
                 Some(Some(to)) => *spot = *to,
                 _ => *visit = Visit::Unknown,
             }
         }
+    }
+
+    /// The index of how far a place is from a target.
+    pub fn shift(&mut self, by: Vector3<f64>, in_tool: bool) -> u32 {
+        self.shifts.push(Shift { by, in_tool });
+        (self.shifts.len() - 1) as u32
+    }
+
+    /// A motion at `at` to a place that is shifted against a target.
+    pub fn visit_near(&mut self, spot: u32, shift: u32, at: u32) {
+        let Some(shift) = self.shifts.get(shift as usize).copied() else { return };
+        self.visits.push(Visit::Near(self.near.len() as u32));
+        self.near.push(Near { spot, shift, at });
     }
 
     /// Gives a target its setup; a second one is remembered as a contradiction.
@@ -333,18 +344,29 @@ impl Scan {
             return;
         }
         if let Some(s) = self.spots.get_mut(spot as usize) {
-            match s.setup {
-                None => s.setup = Some(setup),
-                Some(known) if known != setup => s.ambiguous = Some(setup),
+            match s.setup() {
+                None => s.setup = setup,
+                Some(known) if known != setup => drop(self.ambiguous.insert(s.first, setup)),
                 Some(_) => {}
             }
         }
     }
 
+    /// A target has this setup, whatever it had.
+    pub fn mean(&mut self, spot: usize, setup: u32) {
+        self.spots.get_mut(spot).into_iter().for_each(|s| s.setup = setup);
+    }
+
+    /// Another setup that a target is used with, where there is one.
+    #[must_use]
+    pub fn ambiguous(&self, spot: &Spot) -> Option<u32> {
+        self.ambiguous.get(&spot.first).copied()
+    }
+
     /// A target has these setups in the place of this one.
     pub fn reassign(&mut self, spot: u32, instead_of: u32, setups: impl Iterator<Item = u32>) {
         match self.spots.get_mut(spot as usize) {
-            Some(s) if s.setup == Some(instead_of) => s.setup = None,
+            Some(s) if s.setup() == Some(instead_of) => s.setup = OWN_SETUP,
             _ => return,
         }
         setups.for_each(|setup| self.assign(spot, setup));
@@ -370,14 +392,19 @@ impl Scan {
 
     /// The index of a setup.
     pub fn setup(&mut self, setup: Setup) -> u32 {
-        if let Some(known) = self.setup_indices.get(&setup) {
-            return *known;
-        }
-        let index = self.setups.len() as u32;
-        self.setup_indices.insert(setup.clone(), index);
-        self.setups.push(setup);
-        index
+        index_of(setup, &mut self.setups, &mut self.setup_indices)
     }
+}
+
+/// Where one stands among all; a new one comes last.
+fn index_of<T: Clone + Eq + Hash>(one: T, all: &mut Vec<T>, indices: &mut HashMap<T, u32>) -> u32 {
+    if let Some(known) = indices.get(&one) {
+        return *known;
+    }
+    let index = all.len() as u32;
+    all.push(one.clone());
+    indices.insert(one, index);
+    index
 }
 
 /// What is wrong with a tool or frame that the program changes.

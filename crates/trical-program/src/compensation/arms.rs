@@ -11,7 +11,8 @@ use crate::error::ProgramError;
 use crate::frames::{Frame, Frames};
 use crate::literal::{MOST, Meant};
 use crate::options::Options;
-use crate::scan::{External, Scan, Setup, Spot};
+use crate::packed::External;
+use crate::scan::{Scan, Setup, Spot};
 
 /// The same arm twice, with one tool: as the controller believes it and as it is.
 pub(super) struct Arm {
@@ -137,7 +138,7 @@ impl<'a> Compensator<'a> {
         let input = |e: trical_model::ModelError| ProgramError::Input(e.to_string());
         let model = of_programs(model, nominal, options);
         check_units(&nominal.robot, scan)?;
-        let moves_rail = nominal.robot.is_on_rail() && scan.spots.iter().any(|s| s.external != External::None);
+        let moves_rail = nominal.robot.is_on_rail() && scan.spots.iter().any(|s| scan.written(s).external != External::None);
         let carried = if moves_rail { nominal.on_rail(0.0).map_err(input)?.robot } else { nominal.robot.clone() };
         let mut this = Self {
             scan,
@@ -217,7 +218,7 @@ impl<'a> Compensator<'a> {
             return Ok(());
         }
         for spot in &self.scan.spots {
-            let External::First(at) = spot.external else { continue };
+            let External::First(at) = self.scan.written(spot).external else { continue };
             let Ok(whole) = self.place(spot).map(|place| place.arm) else { continue };
             if self.on_rail.contains_key(&(whole, at.to_bits())) {
                 continue;
@@ -233,7 +234,7 @@ impl<'a> Compensator<'a> {
     /// Which arm goes to a target: where the rail stands, if there is one.
     pub(super) fn arm(&self, spot: &Spot, place: &Place) -> Result<usize, String> {
         let Some([low, high]) = self.rail else { return Ok(place.arm) };
-        match spot.external {
+        match self.scan.written(spot).external {
             External::None => Err("does not say where the rail stands: its first external axis has no value".into()),
             External::Others => Err("places external axes beside the rail, which the model does not have".into()),
             External::First(at) if !(low..=high).contains(&(at * 1e-3)) => Err(format!(
@@ -250,7 +251,7 @@ impl<'a> Compensator<'a> {
 
     /// Joints of the whole arm: with where the rail stands, if there is one.
     pub(super) fn with_rail(&self, spot: &Spot, q: &Joints) -> Joints {
-        match (self.rail, spot.external) {
+        match (self.rail, self.scan.written(spot).external) {
             (Some(_), External::First(at)) => {
                 std::array::from_fn(|k| if k == 0 { at * 1e-3 } else { q.get(k - 1).copied().unwrap_or(0.0) })
             }
@@ -273,7 +274,7 @@ impl<'a> Compensator<'a> {
     }
 
     pub(super) fn place(&self, spot: &Spot) -> Result<&Place, String> {
-        if let (Some(a), Some(b)) = (spot.setup, spot.ambiguous) {
+        if let (Some(a), Some(b)) = (spot.setup(), self.scan.ambiguous(spot)) {
             let words = |k: u32| self.scan.setups.get(k as usize).map(Setup::in_words).unwrap_or_default();
             return Err(format!(
                 "is used with {} and with {}; a target can be right for one of them only",
@@ -281,7 +282,7 @@ impl<'a> Compensator<'a> {
                 words(b)
             ));
         }
-        let k = spot.setup.map_or(self.scan.setups.len(), |k| k as usize);
+        let k = spot.setup().map_or(self.scan.setups.len(), |k| k as usize);
         match self.places.get(k) {
             Some(Ok(place)) => Ok(place),
             Some(Err(e)) => Err(e.clone()),
@@ -291,7 +292,8 @@ impl<'a> Compensator<'a> {
 
     /// The numbers of a target, and what they mean.
     pub(super) fn read(&self, spot: &Spot) -> Result<([f64; MOST], Meant), String> {
-        let elsewhere = !matches!(spot.external, External::None | External::First(0.0));
+        let written = self.scan.written(spot);
+        let elsewhere = !matches!(written.external, External::None | External::First(0.0));
         if elsewhere && self.rail.is_none() {
             return Err(if self.slides.contains(&true) || self.dof > 6 {
                 "places an external axis (a track or positioner) too; of models with such axes only those of an arm on a rail, which is joint 1, are supported"
@@ -300,13 +302,13 @@ impl<'a> Compensator<'a> {
             }
             .into());
         }
-        let spans = self.scan.spans(spot);
+        let spans = written.numbers;
         let count = spot.shape.count(self.dof);
         if spans.len() < count {
             return Err(format!("has {} joint values, and the robot has {} joints", spans.len(), self.dof));
         }
         let mut values = [0.0; MOST];
-        for (k, (to, span)) in values.iter_mut().zip(spans).enumerate().take(count) {
+        for (k, (to, span)) in values.iter_mut().zip(&spans).enumerate().take(count) {
             *to =
                 self.scan.value(*span, self.bytes).ok_or("holds something that is not a number")? * self.scan.scale(k);
         }

@@ -136,7 +136,7 @@ impl Compensator<'_> {
         new: &Meant,
     ) -> (Vec<(Span, String)>, [f64; MOST]) {
         let count = spot.shape.count(self.dof);
-        let spans = self.scan.spans(spot);
+        let spans = &self.scan.written(spot).numbers;
         let numbers = spot.shape.numbers(new, &values[..count], meant, &self.slides);
         let mut edits = Vec::with_capacity(count);
         let mut read_back = *values;
@@ -148,9 +148,10 @@ impl Compensator<'_> {
             read_back[k] = text.parse().map_or(*x, |read: f64| read * scale);
             edits.push((*span, text));
         }
-        let is_met = self.branches.mismatch(&spot.configuration, &start.q).is_some();
+        let configuration = self.scan.configuration(spot);
+        let is_met = self.branches.mismatch(&configuration, &start.q).is_some();
         if is_met && !self.scan.configuration_off && !self.options.any_configuration {
-            let new = self.branches.rewritten(&spot.configuration, &start.q, joints);
+            let new = self.branches.rewritten(&configuration, &start.q, joints);
             let behind = spans.get(count..).unwrap_or(&[]);
             edits.extend(
                 new.iter()

@@ -1,15 +1,14 @@
 //! One thread goes ahead through the program: the nominal arm's joints at every target.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet, VecDeque};
 
-use nalgebra::Vector3;
 use trical_model::ik::{all_closest, continue_from, inverse_kinematics, nearest_solution};
 use trical_model::{Joints, MAX_JOINTS, Pose, State, Workspace};
 
 use super::arms::Compensator;
 use crate::branch::Configuration;
 use crate::literal::Meant;
-use crate::scan::{Fork, Spot, Visit};
+use crate::scan::{Fork, Near, Shift, Spot, Visit};
 use trical_recording::motion::MotionSense;
 
 /// Motions to shifted places that are looked at one by one, at most.
@@ -26,8 +25,7 @@ pub struct Shifted {
     pub spot: u32,
     /// Where the motion stands in the file.
     pub at: u32,
-    shift: Vector3<f64>,
-    in_tool: bool,
+    shift: Shift,
     start: Start,
 }
 
@@ -49,6 +47,8 @@ struct Walk<'a> {
     on_path: bool,
     /// Targets whose configuration the controller asks for at some motion.
     asked: HashSet<u32>,
+    /// Joints at targets to which the program comes again: nothing before it was there, an error where there are none.
+    again: HashMap<u32, Option<Result<Joints, ()>>>,
     /// Of each branch that is open: before the first of them, and whether one moves the arm.
     open: Vec<(MotionSense, Joints, bool)>,
     /// Loops that move the arm.
@@ -90,11 +90,11 @@ impl Walk<'_> {
         }
     }
 
-    fn go_near(&mut self, spot: u32, shift: Vector3<f64>, in_tool: bool, at: u32) {
+    fn go_near(&mut self, Near { spot, shift, at }: Near) {
         let (all, last) = (self.all, &self.last);
         let target = all.scan.spots.get(spot as usize);
         let demanded = self.demanded(spot);
-        let Some(q) = target.and_then(|s| all.near(s, demanded, (&shift, in_tool), last, &mut self.ws)) else {
+        let Some(q) = target.and_then(|s| all.near(s, demanded, &shift, last, &mut self.ws)) else {
             self.sense = unknown_sense();
             return;
         };
@@ -102,24 +102,25 @@ impl Walk<'_> {
         self.last = q;
         if self.shifted.len() < MOST_RELATIVE {
             let start = Start { q, dir: self.sense.sense() };
-            self.shifted.push(Shifted { spot, at, shift, in_tool, start });
+            self.shifted.push(Shifted { spot, at, shift, start });
         }
     }
 
     /// The configuration in which the arm comes to a target: on a path, that in which it is.
     fn demanded(&self, index: u32) -> Configuration {
         match self.all.scan.spots.get(index as usize) {
-            Some(spot) if !(self.on_path && self.is_known) || self.asked.contains(&index) => spot.configuration,
+            Some(spot) if !(self.on_path && self.is_known) || self.asked.contains(&index) => self.all.scan.configuration(spot),
             _ => Configuration::Free,
         }
     }
 
-    /// The joints at a target are those of its first visit; a target without a solution is passed over.
-    fn go_to(&mut self, index: u32, spot: &Spot, slot: &mut Option<Result<Start, String>>) {
+    /// The joints at a target are those of its first visit, which returns them; a target without a solution is passed over.
+    fn go_to(&mut self, index: u32, spot: &Spot) -> Option<Result<Start, String>> {
         let demanded = self.demanded(index);
-        let q = match slot {
-            Some(Ok(known)) => Ok(known.q),
-            Some(Err(_)) => return,
+        let known = self.again.get(&index).copied().flatten();
+        let q = match known {
+            Some(Ok(q)) => Ok(q),
+            Some(Err(())) => return None,
             None => self.all.start(spot, demanded, &self.last, &mut self.ws),
         };
         if let Ok(q) = &q {
@@ -127,9 +128,10 @@ impl Walk<'_> {
             self.last = *q;
             self.is_known |= spot.shape.is_joints() || demanded != Configuration::Free;
         }
-        if slot.is_none() {
-            *slot = Some(q.map(|q| Start { q, dir: self.sense.sense() }));
+        if let Some(again) = self.again.get_mut(&index) {
+            *again = Some(q.clone().map_err(drop));
         }
+        known.is_none().then(|| q.map(|q| Start { q, dir: self.sense.sense() }))
     }
 }
 
@@ -149,7 +151,7 @@ impl Compensator<'_> {
                     }
                 }
                 Visit::Fork(Fork::Other) | Visit::Like(_) | Visit::OnPath(_) => {}
-                Visit::Fork(Fork::Anywhere) | Visit::To(_) | Visit::Near { .. } | Visit::Unknown => {
+                Visit::Fork(Fork::Anywhere) | Visit::To(_) | Visit::Near(_) | Visit::Unknown => {
                     if let Some((_, moves)) = open.last_mut() {
                         *moves = true;
                     }
@@ -167,23 +169,28 @@ impl Compensator<'_> {
                 on_path = *is;
                 None
             }
-            Visit::To(spot) | Visit::Near { spot, .. } if !on_path => Some(*spot),
+            _ if on_path => None,
+            Visit::To(spot) => Some(*spot),
+            Visit::Near(k) => self.scan.near.get(*k as usize).map(|near| near.spot),
             _ => None,
         };
-        self.scan.visits.iter().filter_map(asked).collect()
+        // without paths nobody wants to know
+        let has_paths = self.scan.visits.iter().any(|v| matches!(v, Visit::OnPath(true)));
+        if has_paths { self.scan.visits.iter().filter_map(asked).collect() } else { HashSet::new() }
     }
 
-    /// Targets that no motion names.
-    fn unvisited(&self) -> impl Iterator<Item = Visit> {
-        let mut seen = vec![false; self.scan.spots.len()];
+    /// Whether motions name each target, and the targets that several name.
+    fn visited(&self) -> (Vec<bool>, HashSet<u32>) {
+        let (mut once, mut again) = (vec![false; self.scan.spots.len()], HashSet::new());
         for v in &self.scan.visits {
             if let Visit::To(s) = v
-                && let Some(seen) = seen.get_mut(*s as usize)
+                && let Some(seen) = once.get_mut(*s as usize)
+                && std::mem::replace(seen, true)
             {
-                *seen = true;
+                again.insert(*s);
             }
         }
-        seen.into_iter().enumerate().filter(|(_, seen)| !*seen).map(|(k, _)| Visit::To(k as u32))
+        (once, again)
     }
 
     /// Joints of the nominal arm at every target, in the order of the program: each continues from the one before. Targets
@@ -196,7 +203,8 @@ impl Compensator<'_> {
         give: &mut dyn FnMut(Vec<Result<Start, String>>),
         unwanted: &dyn Fn() -> bool,
     ) -> Vec<Shifted> {
-        let mut out: Vec<Option<Result<Start, String>>> = vec![None; self.scan.spots.len()];
+        let (once, again) = self.visited();
+        let unvisited = (0..).zip(once).filter(|(_, once)| !once).map(|(k, _)| Visit::To(k));
         let mut walk = Walk {
             all: self,
             ws: self.workspaces(),
@@ -205,12 +213,13 @@ impl Compensator<'_> {
             is_known: false,
             on_path: false,
             asked: self.asked(),
+            again: again.into_iter().map(|spot| (spot, None)).collect(),
             open: Vec::new(),
             repeated: self.moving_loops(),
             shifted: Vec::new(),
         };
-        let mut given = 0;
-        let mut known = 0;
+        // from target `given` on: what is known of each, up to the last of which something is; `known` of them without a gap
+        let (mut given, mut known, mut waiting) = (0, 0, VecDeque::new());
         // what stands above the first motion that says how the arm stands, as routines do, comes from somewhere behind it
         let visits = &self.scan.visits;
         let seed = self.scan.first_seed().unwrap_or(0);
@@ -219,7 +228,7 @@ impl Compensator<'_> {
             visits.iter().take(seed).rev().find_map(|v| if let Visit::OnPath(is) = v { Some(*is) } else { None })
                 == Some(true);
         let in_order = order.filter_map(|k| Some((k, visits.get(k).copied()?)));
-        for (index, visit) in in_order.chain((visits.len()..).zip(self.unvisited())) {
+        for (index, visit) in in_order.chain((visits.len()..).zip(unvisited)) {
             if unwanted() {
                 return walk.shifted;
             }
@@ -230,12 +239,12 @@ impl Compensator<'_> {
                 walk.sense = unknown_sense();
                 walk.open.clear();
             }
-            while let Some(Some(_)) = out.get(known) {
+            while let Some(Some(_)) = waiting.get(known) {
                 known += 1;
             }
-            while known - given >= size {
-                give(out[given..given + size].iter().flatten().cloned().collect());
-                given += size;
+            while known >= size {
+                give(waiting.drain(..size).flatten().collect());
+                (given, known) = (given + size, known - size);
             }
             match visit {
                 Visit::Unknown => walk.sense = unknown_sense(),
@@ -245,17 +254,23 @@ impl Compensator<'_> {
                     walk.is_known = true;
                 }
                 Visit::OnPath(is) => walk.on_path = is,
-                Visit::Near { spot, shift, in_tool, at } => walk.go_near(spot, shift, in_tool, at),
+                Visit::Near(k) => self.scan.near.get(k as usize).into_iter().for_each(|near| walk.go_near(*near)),
                 Visit::To(k) => {
-                    if let (Some(spot), Some(slot)) = (self.scan.spots.get(k as usize), out.get_mut(k as usize)) {
-                        walk.go_to(k, spot, slot);
-                    }
+                    let Some(start) = self.scan.spots.get(k as usize).and_then(|spot| walk.go_to(k, spot)) else {
+                        continue;
+                    };
+                    let place = k as usize - given;
+                    waiting.resize(waiting.len().max(place + 1), None);
+                    waiting[place] = Some(start);
                 }
             }
         }
         let lost = || Err("is not reached by the program".into());
-        let rest: Vec<_> = out.drain(given..).map(|s| s.unwrap_or_else(lost)).collect();
-        rest.chunks(size).for_each(|block| give(block.to_vec()));
+        waiting.resize(self.scan.spots.len() - given, None);
+        while !waiting.is_empty() {
+            let block = waiting.drain(..size.min(waiting.len()));
+            give(block.map(|start| start.unwrap_or_else(lost)).collect());
+        }
         walk.shifted
     }
 
@@ -273,8 +288,8 @@ impl Compensator<'_> {
         let index = self.arm(spot, place).ok()?;
         let (arm, (nominal_ws, model_ws)) = (self.arms.get(index)?, ws.get_mut(index)?);
         let moved = |pose: &Pose| {
-            let axes = if shifted.in_tool { &pose.rotation } else { &place.world_from_frame.rotation };
-            Pose { translation: pose.translation + axes * shifted.shift, ..*pose }
+            let axes = if shifted.shift.in_tool { &pose.rotation } else { &place.world_from_frame.rotation };
+            Pose { translation: pose.translation + axes * shifted.shift.by, ..*pose }
         };
         let (wanted, asked, start) = (moved(wanted), moved(commanded), &shifted.start);
         let q = self.continued(&arm.nominal, &asked, &State::at(&start.q), nominal_ws).ok()?;
@@ -289,13 +304,13 @@ impl Compensator<'_> {
         &self,
         spot: &Spot,
         demanded: Configuration,
-        (shift, in_tool): (&Vector3<f64>, bool),
+        shift: &Shift,
         last: &Joints,
         ws: &mut [(Workspace, Workspace)],
     ) -> Option<Joints> {
         let place = self.place(spot).ok()?;
         let Meant::Pose(mut pose) = self.read(spot).ok()?.1 else { return None };
-        pose.translation += if in_tool { pose.rotation * shift } else { *shift };
+        pose.translation += if shift.in_tool { pose.rotation * shift.by } else { shift.by };
         let world = place.world_from_frame.compose(&pose);
         let arm = self.arm(spot, place).ok()?;
         self.solve(arm, &world, demanded, last, &mut ws.get_mut(arm)?.0).ok()

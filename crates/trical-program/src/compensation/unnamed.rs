@@ -23,22 +23,24 @@ pub fn settle_unnamed(scan: &mut Scan, known: &mut Frames, options: &Options) {
     };
     let mut unknown = None;
     for k in 0..scan.spots.len() {
-        let of_nobody = scan.spots[k].setup.filter(|s| unsaid.get(*s as usize) == Some(&true));
-        if let (Some(tool), Some(setup), None) = (&options.tool, of_nobody, scan.spots[k].ambiguous) {
+        let of_nobody = scan.spots[k].setup().filter(|s| unsaid.get(*s as usize) == Some(&true));
+        if let (Some(tool), Some(setup), None) = (&options.tool, of_nobody, scan.ambiguous(&scan.spots[k])) {
             let frame = scan.setups.get(setup as usize).and_then(|s| s.frame.clone());
-            scan.spots[k].setup = Some(scan.setup(Setup { tool: Some(tool.to_lowercase()), frame }));
+            let setup = scan.setup(Setup { tool: Some(tool.to_lowercase()), frame });
+            scan.mean(k, setup);
         }
-        if scan.spots[k].setup.is_some() || asked {
+        if scan.spots[k].setup().is_some() || asked {
             continue;
         }
-        scan.spots[k].setup = only.or_else(|| {
+        let setup = only.unwrap_or_else(|| {
             // a setup that nobody knows says so for each of its targets
             let name = "(unused)".to_owned();
             let setup = unknown.get_or_insert_with(|| Setup { tool: Some(name.clone()), frame: None }).clone();
             let [tool, frame] = ["tool", "frame"].map(|setting| options.spelling.of(setting));
             let why = format!("no motion in the file names it, and the file uses several tools or frames; {tool} and {frame} say which");
             known.tools.insert(name, Err(why));
-            Some(scan.setup(setup))
+            scan.setup(setup)
         });
+        scan.mean(k, setup);
     }
 }

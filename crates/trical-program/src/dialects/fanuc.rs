@@ -10,6 +10,7 @@
 use crate::branch::Configuration;
 use crate::literal::Shape;
 use crate::names::{Names, Origin, Way};
+use crate::packed::External;
 use crate::scan::{Fork, OWN_SETUP, Scan, Setup, Visit, changed_here, hashed};
 use crate::text::{Cursor, Span, is_among_as_written, lower};
 
@@ -251,15 +252,14 @@ fn position(
         names.listed(hash);
         return Some((hash, found.problem));
     }
+    let external = External::of(&[b"E1", b"E2", b"E3"].map(|axis| found.number(axis)?.value(c.bytes)));
     let spot = match pose {
         Some(mut numbers) => {
             numbers.extend(found.turns.iter().flatten().map(|(span, _)| *span));
-            scan.push(Shape::Xyz, &numbers, found.configuration.unwrap_or(Configuration::Free), name)
+            scan.push(Shape::Xyz, &numbers, found.configuration.unwrap_or(Configuration::Free), name, external)
         }
-        None => scan.push(Shape::JointsFanuc, &joints, Configuration::Free, name),
+        None => scan.push(Shape::JointsFanuc, &joints, Configuration::Free, name, external),
     };
-    let external = [b"E1", b"E2", b"E3"].map(|axis| found.number(axis)?.value(c.bytes));
-    scan.external_axes(&external);
     let setup = scan.setup(setup);
     scan.assign(spot, setup);
     names.define(hash, spot as usize, spot as usize + 1);

@@ -8,6 +8,7 @@ use trical_recording::columns::{self, Field, Unit};
 
 use crate::branch::Configuration;
 use crate::literal::Shape;
+use crate::packed::External;
 use crate::scan::{Scan, Setup, Spot, Visit};
 use crate::text::{Span, lower, number};
 
@@ -79,13 +80,13 @@ fn fields(line: &[u8]) -> Vec<Span> {
 pub fn check_units(scan: &Scan, bytes: &[u8]) -> Result<(), String> {
     const NEAREST_MM: f64 = 10.0;
     const FARTHEST_MM: f64 = 1e5;
-    let is_in_frame = |s: &Spot| s.setup.and_then(|k| scan.setups.get(k as usize)).is_some_and(|s| s.frame.is_some());
+    let is_in_frame = |s: &Spot| s.setup().and_then(|k| scan.setups.get(k as usize)).is_some_and(|s| s.frame.is_some());
     let mut farthest: (f64, Option<Span>, usize) = (0.0, None, 0);
     for spot in scan.spots.iter().filter(|s| !s.shape.is_joints()) {
         if is_in_frame(spot) {
             return Ok(());
         }
-        for (k, span) in scan.spans(spot).iter().take(3).enumerate() {
+        for (k, span) in scan.written(spot).numbers.iter().take(3).enumerate() {
             let mm = scan.value(*span, bytes).map_or(0.0, |x| (x * scan.scale(k)).abs());
             if mm > farthest.0 {
                 farthest = (mm, Some(*span), k);
@@ -194,7 +195,7 @@ impl Columns {
             scan.problems.push((at, format!("found '{text}', expected a finite number")));
             return;
         }
-        let spot = scan.push(self.shape, &spans, Configuration::Free, Span::default());
+        let spot = scan.push(self.shape, &spans, Configuration::Free, Span::default(), External::None);
         let named =
             |column: Option<usize>| column.map(|k| lower(fields[k].text(bytes))).filter(|name| !name.is_empty());
         let (tool, frame) = (named(self.tool), named(self.frame));

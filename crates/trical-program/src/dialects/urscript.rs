@@ -20,6 +20,7 @@ use crate::flow::Flow;
 use crate::frames::{AT, Frame, named};
 use crate::literal::{Meant, Shape};
 use crate::names::{Names, Origin};
+use crate::packed::External;
 use crate::scan::{Fork, Scan, Setup, Visit, hashed_as_written as hashed};
 use crate::scopes::Scopes;
 use crate::text::{Cursor, Span, is_among_as_written, mentions};
@@ -307,7 +308,7 @@ impl<'a> Reader<'a> {
         let at = self.c.at as u32;
         let origin = match self.literal() {
             Literal::Numbers(shape, spans) if self.moved_to.contains(&parameter) => {
-                let spot = self.scan.push(shape, &spans, Configuration::Free, Span::default()) as usize;
+                let spot = self.scan.push(shape, &spans, Configuration::Free, Span::default(), External::None) as usize;
                 self.names.define_at(at as usize, spot, spot + 1)
             }
             Literal::None => match self.origin_at(at as usize) {
@@ -418,7 +419,7 @@ impl<'a> Reader<'a> {
         }
         let first = self.scan.spots.len();
         for (shape, spans) in places {
-            self.scan.push(shape, &spans, Configuration::Free, name);
+            self.scan.push(shape, &spans, Configuration::Free, name, External::None);
         }
         let hash = self.key(name.text(self.c.bytes));
         self.names.define(hash, first, self.scan.spots.len());
@@ -452,7 +453,7 @@ impl<'a> Reader<'a> {
         self.near.remove(&hash);
         if self.moved_to.contains(&hash) {
             let first = self.scan.spots.len();
-            self.scan.push(shape, spans, Configuration::Free, name);
+            self.scan.push(shape, spans, Configuration::Free, name, External::None);
             self.names.define(hash, first, first + 1);
         } else if shape == Shape::RotationVector {
             let numbers = self.numbers(spans).filter(|_| !self.unsteady.contains(&hash));

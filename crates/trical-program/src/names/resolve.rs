@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use super::{Group, MOST_NAMES, Meant, Names, Origin, Use, Way};
+use super::{Group, MOST_NAMES, Meant, Motion, Names, Origin, Use, Way};
 use crate::reaching::{Definitions, Part};
 use crate::scan::{Fork, Scan, Visit, reached};
 use crate::text::Cursor;
@@ -32,13 +32,16 @@ impl Names {
                 Use::Direct(Visit::Fork(Fork::Other) | Visit::Like(_) | Visit::OnPath(_)) => 0,
                 Use::Direct(Visit::Fork(Fork::Anywhere)) => 2,
                 Use::Direct(_) => 1,
-                Use::Called { name, elsewhere } => {
+                Use::Called(k) => {
+                    let Some((name, elsewhere)) = self.calls.get(*k as usize) else { continue };
                     let moves = if self.routines.contains_key(name) { moving.contains(name) } else { *elsewhere };
                     2 * u32::from(moves)
                 }
-                Use::Named { way: Way::Said, .. } => 0,
-                Use::Named { name, way: Way::Perhaps, .. } => u32::from(self.defined.contains_key(name)),
-                Use::Named { .. } => 1,
+                Use::Named(k) => match self.motions.get(*k as usize) {
+                    Some(Motion { way: Way::Said, .. }) | None => 0,
+                    Some(Motion { name, way: Way::Perhaps, .. }) => u32::from(self.defined.contains_key(name)),
+                    Some(_) => 1,
+                },
             };
             if let (Some((_, count, last)), true) = (open.last_mut(), motions > 0) {
                 (*count, *last) = (count.saturating_add(motions), index);
@@ -71,12 +74,14 @@ impl Names {
                     let once = matches!(v, Visit::Fork(Fork::Repeats)) && !is_loop;
                     scan.visits.push(if once { Visit::Fork(Fork::Opens) } else { v });
                 }
-                Use::Called { name, elsewhere } => {
+                Use::Called(k) => {
+                    let Some((name, elsewhere)) = self.calls.get(k as usize).copied() else { continue };
                     definitions.call(name);
                     let moves = if self.routines.contains_key(&name) { moving.contains(&name) } else { elsewhere };
                     scan.visits.extend(moves.then_some(Visit::Fork(Fork::Anywhere)));
                 }
-                Use::Named { name, setup, way, at } => {
+                Use::Named(k) => {
+                    let Some(Motion { name, setup, way, at }) = self.motions.get(k as usize).copied() else { continue };
                     let problem = || elsewhere(Cursor::at(bytes, at as usize, 0).word());
                     let itself = || vec![Meant { name, setup, is_shifted: false }];
                     let all = self.meant.get(&(name, setup)).cloned().unwrap_or_else(itself);
@@ -171,7 +176,7 @@ impl Names {
         for (spots, is_read) in [(idle.unused, false), (idle.read, true)] {
             for spot in spots {
                 if let Some(target) = scan.spots.get(spot as usize).filter(|_| gone.insert(spot)) {
-                    let place = (scan.at(target), target.name);
+                    let place = (scan.at(target), scan.written(target).name);
                     if is_read { &mut scan.only_read } else { &mut scan.unused }.push(place);
                 }
             }
@@ -270,7 +275,7 @@ impl Names {
         }
         match (way, one) {
             (Way::Said, _) => {}
-            (Way::Near(shift, in_tool), Some(spot)) => scan.visits.push(Visit::Near { spot, shift, in_tool, at }),
+            (Way::Near(shift), Some(spot)) => scan.visit_near(spot, shift, at),
             (Way::Near(..), None) => {
                 scan.relative.push(at);
                 scan.visits.push(Visit::Unknown);

@@ -18,13 +18,13 @@ pub(super) struct Idle {
 impl Names {
     /// Targets to which no motion goes. Where nothing in the files goes to any target, nobody knows it of those that no statement uses.
     pub(super) fn idle(&self, scan: &Scan, bytes: &[u8]) -> Idle {
-        let goes = scan.visits.iter().any(|v| matches!(v, Visit::To(_) | Visit::Near { .. }));
+        let goes = scan.visits.iter().any(|v| matches!(v, Visit::To(_) | Visit::Near(_)));
         let is_known = !self.only_data && (goes || self.in_use.contains(&true));
         if !is_known && self.comment.is_none() {
             return Idle::default();
         }
         let is_idle = |spot: &u32| self.in_use.get(*spot as usize) != Some(&true);
-        let text = |spot: &u32| scan.spots.get(*spot as usize).map_or(&[][..], |s| s.name.text(bytes));
+        let text = |spot: &u32| scan.spots.get(*spot as usize).map_or(&[][..], |s| scan.written(s).name.text(bytes));
         let named = |g: &Group| -> Vec<(u64, u32)> {
             let idle = (g.first..g.first + g.count).filter(is_idle).filter(|spot| !text(spot).is_empty());
             idle.map(|spot| (g.definition.name, spot)).collect()

@@ -9,6 +9,7 @@ use crate::branch::Configuration;
 use crate::frames::Frame;
 use crate::literal::Shape;
 use crate::names::Origin;
+use crate::packed::External;
 use crate::reaching::Part;
 use crate::text::{Span, is_one_of, lower};
 
@@ -122,7 +123,8 @@ impl<'a> Reader<'a> {
             return None;
         }
         let bytes = self.c.bytes;
-        let spot = if let Some(spans) = found.all(&POSE) {
+        let external = External::of(&EXTERNAL.map(|axis| self.scan.value(found.number(axis)?, bytes)));
+        Some(if let Some(spans) = found.all(&POSE) {
             let (status, turn) = (found.number(b"S"), found.number(b"T"));
             let small = |s: Option<Span>| {
                 s.and_then(|s| self.scan.value(s, bytes)).filter(|v| (0.0..4096.0).contains(v)).map(|v| v as u16)
@@ -133,13 +135,10 @@ impl<'a> Reader<'a> {
             };
             let mut list = spans.to_vec();
             list.extend(turn);
-            self.scan.push(Shape::Zyx, &list, configuration, name)
+            self.scan.push(Shape::Zyx, &list, configuration, name, external)
         } else {
-            self.scan.push(Shape::JointsDeg, &found.all(&AXES)?, Configuration::Free, name)
-        };
-        let external = EXTERNAL.map(|axis| self.scan.value(found.number(axis)?, bytes));
-        self.scan.external_axes(&external);
-        Some(spot)
+            self.scan.push(Shape::JointsDeg, &found.all(&AXES)?, Configuration::Free, name, external)
+        })
     }
 
     pub(super) fn frame(&self, found: &Aggregate<'_>) -> Result<Frame, String> {

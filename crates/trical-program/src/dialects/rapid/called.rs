@@ -122,7 +122,7 @@ impl Reader<'_> {
             self.names.meant(name, setup, all);
         }
         for spot in 0..self.scan.spots.len() {
-            let Some(setup) = self.scan.spots.get(spot).and_then(|s| s.setup) else { continue };
+            let Some(setup) = self.scan.spots.get(spot).and_then(|s| s.setup()) else { continue };
             let mut all = Vec::new();
             self.in_each_call(Meant { name: 0, setup, is_shifted: false }, &calls, 0, &mut all);
             self.scan.reassign(spot as u32, setup, all.iter().map(|meant| meant.setup));

@@ -7,6 +7,7 @@ use crate::branch::Configuration;
 use crate::frames::declare;
 use crate::literal::Shape;
 use crate::names::Origin;
+use crate::packed::External;
 use crate::reaching::Part;
 use crate::scan::hashed;
 use crate::text::{Span, lower, number};
@@ -208,6 +209,8 @@ impl Reader<'_> {
             self.placeholders = true;
             return true;
         }
+        let values = external.spans.map(|s| self.scan.value(s, bytes).filter(|v| v.abs() < NO_AXIS));
+        let external = External::of(&values);
         if let [_, q, cf, _] = pieces {
             let demanded = cf.spans.map(|s| self.scan.value(s, bytes).filter(|v| v.abs() < 1000.0).map(|v| v as i16));
             let configuration = match demanded {
@@ -216,16 +219,14 @@ impl Reader<'_> {
             };
             let (p, q, cf) = (p.spans, q.spans, cf.spans);
             let spans = [p[0], p[1], p[2], q[0], q[1], q[2], q[3], cf[0], cf[1], cf[2]];
-            self.scan.push(Shape::Quaternion, &spans, configuration, self.name);
+            self.scan.push(Shape::Quaternion, &spans, configuration, self.name, external);
         } else {
-            self.scan.push(Shape::JointsDeg, &p.spans, Configuration::Free, self.name);
+            self.scan.push(Shape::JointsDeg, &p.spans, Configuration::Free, self.name, external);
         }
         let named: Vec<_> = pieces.iter().filter_map(|p| Some((p.name?, p.numbers().to_vec()))).collect();
         if !named.is_empty() {
             self.scan.named_parts(p.name.unwrap_or(p.spans[0]).at, named);
         }
-        let values = external.spans.map(|s| self.scan.value(s, bytes).filter(|v| v.abs() < NO_AXIS));
-        self.scan.external_axes(&values);
         true
     }
 

@@ -436,7 +436,7 @@ impl<'a> Reader<'a> {
             return Place::Computed(begin);
         }
         let known = plain && k == 3;
-        let way = if known { Way::Near(Vector3::from(shift), in_tool) } else { Way::Computed };
+        let way = if known { Way::Near(self.scan.shift(Vector3::from(shift), in_tool)) } else { Way::Computed };
         Place::Name { name: returned.unwrap_or_else(|| self.key(name)), way, at }
     }
 }

@@ -7,6 +7,7 @@ use crate::branch::Configuration;
 use crate::frames::{AT, Frame};
 use crate::names::{Origin, Way};
 use crate::reaching::Part;
+use crate::packed::External;
 use crate::scan::{Setup, Visit};
 use crate::text::{Span, is_among_as_written, lower, mentions};
 
@@ -64,7 +65,7 @@ impl Reader<'_> {
             self.names.set_from(hash, Origin::Computed(name.at));
         } else if let Some((shape, spans)) = literal {
             let first = self.scan.spots.len();
-            self.scan.push(shape, &spans, Configuration::Free, name);
+            self.scan.push(shape, &spans, Configuration::Free, name, External::None);
             self.names.define(hash, first, first + 1);
         } else {
             self.names.set_here(hash, Part::Whole, origin);
@@ -187,7 +188,7 @@ impl Reader<'_> {
         match self.literal() {
             Literal::Numbers(shape, spans) => {
                 let setup = self.setup(frame);
-                let spot = self.scan.push(shape, &spans, Configuration::Free, Span::default());
+                let spot = self.scan.push(shape, &spans, Configuration::Free, Span::default(), External::None);
                 self.scan.assign(spot, setup);
                 self.names.visit(Visit::To(spot));
                 return true;

@@ -11,7 +11,7 @@ use trical_model::pose::rotation_zyx;
 use trical_model::{Model, Pose};
 use trical_recording::whole::Part as Whole;
 
-use crate::dialects::{Dialect, MARK, krl};
+use crate::dialects::{Dialect, LARGEST, MARK, TOO_LARGE, krl};
 use crate::elsewhere::{Elsewhere, Nowhere, Outside};
 use crate::error::ProgramError;
 use crate::flow::at_calls;
@@ -150,12 +150,7 @@ impl Job<'_> {
 fn read_all(files: &[PathBuf], names: &[String]) -> Result<(Vec<u8>, Vec<usize>), ProgramError> {
     let (mut bytes, mut ends) = (Vec::new(), Vec::new());
     for (path, name) in files.iter().zip(names) {
-        let read = read_program(path, name, bytes.len())?;
-        if bytes.is_empty() {
-            bytes = read;
-        } else {
-            bytes.extend(read);
-        }
+        read_program(path, name, &mut bytes)?;
         ends.push(bytes.len());
     }
     Ok((bytes, ends))
@@ -412,7 +407,7 @@ impl<'a> Beside<'a> {
         let source = of_controller(self.program, &format!("{name}.src")).or_else(|| self.global(name))?;
         let mut bytes = Vec::new();
         for path in together(&source) {
-            bytes.extend(read_program(&path, &path.display().to_string(), bytes.len()).ok()?);
+            read_program(&path, &path.display().to_string(), &mut bytes).ok()?;
             self.read.borrow_mut().push(path.display().to_string());
         }
         let scan = Dialect::Krl.scan_with(&bytes, self).ok()?;
@@ -485,20 +480,21 @@ pub fn left(name: &str, report: &Report, partial: bool, spelling: Spelling) -> R
     }))
 }
 
-/// The largest program, all its files together, bytes: with 50 bytes a target it takes ten times that in memory.
-const LARGEST: usize = 128 << 20;
-
-/// Reads a file of a program whose other files have so many bytes.
-fn read_program(path: &Path, name: &str, others: usize) -> Result<Vec<u8>, ProgramError> {
+/// Reads a file of a program behind the others that it has.
+fn read_program(path: &Path, name: &str, bytes: &mut Vec<u8>) -> Result<(), ProgramError> {
     let unreadable = |problem: String| ProgramError::Input(format!("{name}: {problem}"));
-    let (mut bytes, most) = (Vec::new(), LARGEST - others.min(LARGEST));
-    File::open(path)
-        .and_then(|file| file.take(most as u64 + 1).read_to_end(&mut bytes))
-        .map_err(|e| unreadable(format!("cannot be read: {e}")))?;
-    if bytes.len() > most {
-        return Err(unreadable(format!("the program has more than {} MiB, expected at most that", LARGEST >> 20)));
+    let most = LARGEST.saturating_sub(bytes.len()) as u64;
+    let mut read = || -> std::io::Result<bool> {
+        let file = File::open(path)?;
+        // what has no length, as a device, may have no end either
+        let fits = file.metadata()?.len() <= most;
+        Ok(fits && file.take(most + 1).read_to_end(bytes)? as u64 <= most)
+    };
+    match read() {
+        Ok(true) => Ok(()),
+        Ok(false) => Err(unreadable(TOO_LARGE.into())),
+        Err(e) => Err(unreadable(format!("cannot be read: {e}"))),
     }
-    Ok(bytes)
 }
 
 /// Reads tools and frames from a file that gives them: TOML, or another program that declares them (`CalibData.mod`,
@@ -509,7 +505,8 @@ fn read_program(path: &Path, name: &str, others: usize) -> Result<Vec<u8>, Progr
 pub fn load_frames(path: &Path) -> Result<Frames, ProgramError> {
     let Some(dialect) = Dialect::of(path).filter(|d| *d != Dialect::Csv) else { return Frames::load(path) };
     let file = path.display().to_string();
-    let bytes = read_program(path, &file, 0)?;
+    let mut bytes = Vec::new();
+    read_program(path, &file, &mut bytes)?;
     let scan = dialect.scan(&bytes).map_err(|e| ProgramError::Input(format!("{file}: {e}")))?;
     Ok(scan.frames)
 }

@@ -80,6 +80,8 @@ pub struct Names {
     uses: Vec<Use>,
     /// Motions to names, among these.
     motions: Vec<Motion>,
+    /// Those to names that may as well be speeds, by name and setup.
+    perhaps: HashMap<(u64, u32), u32>,
     /// Calls, among these: what is called, and whether it may move the arm if it is no routine of this file.
     calls: Vec<(u64, bool)>,
     /// What names are set from, and whether where that stands is known ([`Self::set_here`]).
@@ -308,8 +310,16 @@ impl Names {
         if !matches!(way, Way::Said) {
             self.moves();
         }
-        self.uses.push(Use::Named(self.motions.len() as u32));
-        self.motions.push(Motion { name, setup, way, at: at as u32 });
+        let index = self.motions.len() as u32;
+        // programs name the same speeds again and again, and where is asked of none
+        let known = match way {
+            Way::Perhaps => *self.perhaps.entry((name, setup)).or_insert(index),
+            _ => index,
+        };
+        self.uses.push(Use::Named(known));
+        if known == index {
+            self.motions.push(Motion { name, setup, way, at: at as u32 });
+        }
     }
 
     /// The program sets the data of this name somewhere: any motion may meet that.
@@ -484,6 +494,17 @@ impl Names {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn speeds_that_motions_name_again_are_kept_once() {
+        let mut names = Names::default();
+        for at in 0..100 {
+            names.used(7, 0, Way::Perhaps, at);
+            names.used(at as u64, 0, Way::To, at);
+        }
+        assert_eq!((names.uses.len(), names.motions.len()), (200, 101));
+        assert_eq!(size_of::<Use>(), 8);
+    }
 
     #[test]
     fn targets_at_places_whose_bytes_are_one_letter_in_capitals_and_not_have_names_of_their_own() {

@@ -68,6 +68,12 @@ impl Packed {
         first
     }
 
+    /// In bytes.
+    #[cfg(test)]
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
     /// What was added at `first`.
     pub fn get(&self, first: u32) -> Written {
         let mut rest = self.0.get(first as usize..).unwrap_or(&[]);
@@ -152,6 +158,6 @@ mod tests {
         let numbers: Vec<Span> = (0..7).map(|k| Span { at: 500 + 8 * k, len: 7 }).collect();
         let mut packed = Packed::default();
         packed.push(&numbers, Span::default(), External::None);
-        assert_eq!(packed.0.len(), 1 + 7 * 2 + 1 + 2);
+        assert_eq!(packed.len(), 1 + 7 * 2 + 1 + 2);
     }
 }

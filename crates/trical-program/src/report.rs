@@ -364,9 +364,8 @@ impl<'a> Tally<'a> {
     /// Points that were taught with the controller's own calibration, in one sentence.
     pub fn absolutely_accurate(&mut self) -> Option<String> {
         let scan = self.scan;
-        let is_one = |s: &&Spot| {
-            matches!(scan.configuration(s), Configuration::Kuka { s: Some(s), .. } if s & ABSOLUTE != 0)
-        };
+        let is_one =
+            |s: &&Spot| matches!(scan.configuration(s), Configuration::Kuka { s: Some(s), .. } if s & ABSOLUTE != 0);
         let first = scan.spots.iter().find(is_one)?;
         let line = self.line(scan.at(first)).1;
         Some(format!(
@@ -380,7 +379,8 @@ impl<'a> Tally<'a> {
     /// Targets of which nothing says with which tool and frame they are meant, in one sentence.
     pub fn unsaid(&mut self) -> Option<String> {
         let scan = self.scan;
-        let says = |s: &Spot| s.setup().and_then(|k| scan.setups.get(k as usize)).is_some_and(|s| *s != Setup::default());
+        let says =
+            |s: &Spot| s.setup().and_then(|k| scan.setups.get(k as usize)).is_some_and(|s| *s != Setup::default());
         let is_unsaid = |s: &&Spot| !s.shape.is_joints() && !says(s);
         let first = scan.spots.iter().find(is_unsaid)?;
         let first = self.place(scan.at(first), Span::default());

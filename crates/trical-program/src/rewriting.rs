@@ -264,8 +264,9 @@ fn configuration_unsaid(scan: &Scan) -> Option<String> {
         _ => None,
     });
     // those that no motion names are solved in the order of the file
-    let unsaid =
-        first.or(scan.spots.first()).is_some_and(|s| !s.shape.is_joints() && scan.configuration(s) == Configuration::Free);
+    let unsaid = first
+        .or(scan.spots.first())
+        .is_some_and(|s| !s.shape.is_joints() && scan.configuration(s) == Configuration::Free);
     (unsaid && scan.nearest.is_empty()).then(|| {
         let taken = if scan.first_seed().is_some() { "where the program ends" } else { "joints at zero" };
         format!(

@@ -390,6 +390,12 @@ impl Scan {
         self.problem(at, "goes to a place that only the running program calculates");
     }
 
+    /// Bytes in which the targets and the order of the visits are kept.
+    #[cfg(test)]
+    pub(crate) fn bytes_kept(&self) -> usize {
+        size_of_val(&self.spots[..]) + size_of_val(&self.visits[..]) + self.written.len()
+    }
+
     /// The index of a setup.
     pub fn setup(&mut self, setup: Setup) -> u32 {
         index_of(setup, &mut self.setups, &mut self.setup_indices)

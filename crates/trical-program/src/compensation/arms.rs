@@ -138,7 +138,8 @@ impl<'a> Compensator<'a> {
         let input = |e: trical_model::ModelError| ProgramError::Input(e.to_string());
         let model = of_programs(model, nominal, options);
         check_units(&nominal.robot, scan)?;
-        let moves_rail = nominal.robot.is_on_rail() && scan.spots.iter().any(|s| scan.written(s).external != External::None);
+        let moves_rail =
+            nominal.robot.is_on_rail() && scan.spots.iter().any(|s| scan.written(s).external != External::None);
         let carried = if moves_rail { nominal.on_rail(0.0).map_err(input)?.robot } else { nominal.robot.clone() };
         let mut this = Self {
             scan,

@@ -109,7 +109,9 @@ impl Walk<'_> {
     /// The configuration in which the arm comes to a target: on a path, that in which it is.
     fn demanded(&self, index: u32) -> Configuration {
         match self.all.scan.spots.get(index as usize) {
-            Some(spot) if !(self.on_path && self.is_known) || self.asked.contains(&index) => self.all.scan.configuration(spot),
+            Some(spot) if !(self.on_path && self.is_known) || self.asked.contains(&index) => {
+                self.all.scan.configuration(spot)
+            }
             _ => Configuration::Free,
         }
     }

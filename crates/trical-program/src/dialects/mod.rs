@@ -17,6 +17,10 @@ use crate::scan::Scan;
 /// What the comment says that keeps a program from being compensated twice.
 pub const MARK: &str = "compensated by TriCal";
 
+/// The largest program, all its files together, bytes: in memory it takes about twice that. Places in it are kept in 32 bits.
+pub(crate) const LARGEST: usize = 1 << 30;
+pub(crate) const TOO_LARGE: &str = "the program has more than 1 GiB, expected at most that; divide it";
+
 /// Languages of programs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dialect {
@@ -165,9 +169,8 @@ impl Dialect {
     /// # Errors
     /// As [`Self::scan`].
     pub fn scan_with(self, bytes: &[u8], elsewhere: &dyn Elsewhere) -> Result<Scan, String> {
-        // offsets are kept in 32 bits
-        if u32::try_from(bytes.len()).is_err() {
-            return Err("is larger than 4 GB; divide the program".into());
+        if bytes.len() > LARGEST {
+            return Err(TOO_LARGE.into());
         }
         (self.row().scan)(bytes, elsewhere)
     }
@@ -207,6 +210,8 @@ impl Dialect {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
+
     use super::*;
 
     #[test]
@@ -214,6 +219,32 @@ mod tests {
         for (row, dialect) in TABLE.iter().zip(Dialect::ALL) {
             assert_eq!(row.dialect, dialect);
             assert_eq!(row.dialect.row().name, row.name);
+        }
+    }
+
+    #[test]
+    fn of_a_path_less_is_kept_than_its_text() {
+        let paths = [
+            (
+                Dialect::Rapid,
+                "PROC main()\n",
+                "MoveL [[350,K,320],[0,0.6,0.8,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v9,z1,tool0;\n",
+            ),
+            (Dialect::Krl, "DEF main()\n", "LIN {X 350.0,Y K,Z 320.0,A 106.2,B 4.0,C 177.0} C_DIS\n"),
+            (
+                Dialect::Fanuc,
+                "/MN\n/POS\n",
+                "P[K]{ GP1: UF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0', X = K.0 mm, Y = 0.0 mm, Z = 320.0 mm, W = 0 deg, P = 0 deg, R = 0 deg };\n",
+            ),
+            (Dialect::UrScript, "", "  movel(p[0.350,0.K,0.320,1.8326,2.4435,0.0],a=1.2,v=0.1)\n"),
+            (Dialect::Csv, "x_mm,y_mm,z_mm,qw,qx,qy,qz\n", "350.000,K.000,320.000,0.0436,0.5994,0.7992,0.0000\n"),
+        ];
+        for (dialect, head, line) in paths {
+            let lines: String = (100..999).map(|k| line.replace('K', &k.to_string())).collect();
+            let scan = dialect.scan(format!("{head}{lines}").as_bytes()).unwrap();
+            assert_eq!((scan.spots.len(), scan.problems.len()), (899, 0), "{dialect:?}: {:?}", scan.problems);
+            let kept = scan.bytes_kept();
+            assert!(kept < 60 * 899 && kept < lines.len(), "{dialect:?}: {kept} of {} bytes", lines.len());
         }
     }
 }

@@ -202,6 +202,9 @@ impl Names {
 
     /// Visits, after all others, of targets to which motions go by other names only.
     fn approached_from_anywhere(&self, scan: &mut Scan) {
+        if self.by_another_name.is_empty() {
+            return;
+        }
         let mut visited: HashSet<u32> =
             scan.visits.iter().filter_map(|v| if let Visit::To(spot) = v { Some(*spot) } else { None }).collect();
         for g in self.by_another_name.iter().filter_map(|k| self.groups.get(*k as usize)) {

@@ -114,7 +114,7 @@ impl Names {
 
     /// Lists, once, where a target that has numbers is set from what has none; what is set from itself is relative to it.
     pub(super) fn sources(&mut self, name: u64, setup: u32, scan: &mut Scan, seen: &mut Vec<(u64, bool)>) {
-        if self.followed_on.insert((name, setup)) {
+        if self.origins.contains_key(&name) && self.followed_on.insert((name, setup)) {
             self.follow_sources(name, &self.origins_met(name, None), setup, scan, seen);
         }
     }
@@ -152,7 +152,7 @@ impl Names {
 
     /// Lists, once, where a name to which the arm moves is calculated.
     pub(super) fn computed(&mut self, name: u64, scan: &mut Scan) {
-        if self.settled.insert(name) {
+        if self.origins.contains_key(&name) && self.settled.insert(name) {
             self.list_computed(&self.origins_met(name, None), scan);
         }
     }

@@ -52,6 +52,21 @@ fn of_a_routine_with_more_calls_than_are_told_apart_no_call_is_forgotten() {
 }
 
 #[test]
+fn a_program_that_is_too_large_is_refused_before_it_is_read() {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("large.csv");
+    // nothing of it is on the disk
+    std::fs::File::create(&path).unwrap().set_len(1 << 40).unwrap();
+    let job = Job { program: &path, out: None, dialect: None, frames: &[], partial: false };
+    let n = nominal(IRB);
+    let refused = job.run(&n, &n, &Options::default()).unwrap_err().to_string();
+    std::fs::remove_file(&path).unwrap();
+    assert!(
+        refused.ends_with("large.csv: the program has more than 1 GiB, expected at most that; divide it"),
+        "{refused}"
+    );
+}
+
+#[test]
 fn a_folder_is_no_program() {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("folder.mod");
     std::fs::create_dir_all(&folder).unwrap();

@@ -84,6 +84,31 @@ fn nothing_is_solved_ahead_for_whoever_wants_no_more() {
 }
 
 #[test]
+fn in_blocks_of_any_size_each_target_has_the_same_joints() {
+    // in another order than in the file, some of them twice
+    let declared: String = (0..40)
+        .map(|k| format!("CONST robtarget p{k}:=[[350,{k},320],[0,0.6,0.8,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n"))
+        .collect();
+    let order = (20..30).chain((5..25).rev()).chain([3, 1, 3, 39]);
+    let moved: String = order.map(|k| format!("MoveL p{k},v9,fine,tool0;\n")).collect();
+    let text = format!("{declared}PROC main()\nConfL\\Off;\n{moved}ENDPROC\n").into_bytes();
+    let (n, options, frames) = (nominal(IRB), Options::default(), Frames::predefined("tool0", "wobj0"));
+    let scan = Dialect::Rapid.scan(&text).unwrap();
+    let all = Compensator::new(&scan, &text, &n, &n, &frames, &options).unwrap();
+    let starts = |size: usize| {
+        let mut given = Vec::new();
+        all.starts(size, &mut |block| given.extend(block), &|| false);
+        format!("{given:?}")
+    };
+    let whole = starts(1000);
+    // those to which no motion goes are none
+    assert_eq!(whole.matches("Ok(").count(), 28, "{whole}");
+    for size in [1, 7, 27] {
+        assert_eq!(starts(size), whole, "{size}");
+    }
+}
+
+#[test]
 fn whoever_started_it_can_stop_it() {
     let text = program(20_000);
     let begin = Instant::now();

@@ -99,8 +99,8 @@ impl Reader<'_> {
             let Some(file) = self.elsewhere.set_by(name).filter(|_| self.names.set_at(name).is_none()) else {
                 continue;
             };
-            if let Some(point) = self.scan.spots.iter().map(|s| self.scan.written(s).name).find(|point| hashed(point.text(bytes)) == name)
-            {
+            let mut points = self.scan.spots.iter().map(|s| self.scan.written(s).name);
+            if let Some(point) = points.find(|point| hashed(point.text(bytes)) == name) {
                 let what = format!(
                     "'{}' gets other coordinates in {file} while the program runs; motions there are corrected for where it is declared",
                     String::from_utf8_lossy(point.text(bytes))

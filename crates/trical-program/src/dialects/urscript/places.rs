@@ -6,8 +6,8 @@ use super::{DEEPEST, FORWARD, HERE, KINEMATICS, Literal, Reader};
 use crate::branch::Configuration;
 use crate::frames::{AT, Frame};
 use crate::names::{Origin, Way};
-use crate::reaching::Part;
 use crate::packed::External;
+use crate::reaching::Part;
 use crate::scan::{Setup, Visit};
 use crate::text::{Span, is_among_as_written, lower, mentions};
 

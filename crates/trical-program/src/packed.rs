@@ -40,7 +40,7 @@ impl External {
 
 /// What targets have in the text, one behind the other.
 #[derive(Debug, Default)]
-pub struct Packed(Vec<u8>);
+pub(crate) struct Packed(Vec<u8>);
 
 impl Packed {
     /// Adds one; where it begins is what [`Self::get`] asks for.
@@ -68,9 +68,9 @@ impl Packed {
         first
     }
 
-    /// In bytes.
+    /// How many they take.
     #[cfg(test)]
-    pub fn len(&self) -> usize {
+    pub fn bytes(&self) -> usize {
         self.0.len()
     }
 
@@ -158,6 +158,6 @@ mod tests {
         let numbers: Vec<Span> = (0..7).map(|k| Span { at: 500 + 8 * k, len: 7 }).collect();
         let mut packed = Packed::default();
         packed.push(&numbers, Span::default(), External::None);
-        assert_eq!(packed.len(), 1 + 7 * 2 + 1 + 2);
+        assert_eq!(packed.bytes(), 1 + 7 * 2 + 1 + 2);
     }
 }

@@ -158,6 +158,9 @@ pub struct Outside {
     pub sets: Vec<u64>,
 }
 
+/// Names that stand in a target in the place of numbers, each with its numbers where the program declares it.
+pub type Parts = Vec<(Span, Vec<Span>)>;
+
 /// What a dialect's reader found.
 #[derive(Debug, Default)]
 pub struct Scan {
@@ -171,7 +174,7 @@ pub struct Scan {
     /// Values of numbers that are written as expressions, by their offset.
     expressions: HashMap<u32, f64>,
     /// Of targets in which names stand in the place of numbers, where they begin in the file and these names, by `Spot::first`.
-    named_parts: HashMap<u32, (u32, Vec<(Span, Vec<Span>)>)>,
+    named_parts: HashMap<u32, (u32, Parts)>,
     /// Tools and frames that targets are used with.
     pub setups: Vec<Setup>,
     setup_indices: HashMap<Setup, u32>,
@@ -272,7 +275,7 @@ impl Scan {
     }
 
     /// The newest target has the data of these names (the spans) for some of its numbers; it begins at `at`.
-    pub fn named_parts(&mut self, at: u32, parts: Vec<(Span, Vec<Span>)>) {
+    pub fn named_parts(&mut self, at: u32, parts: Parts) {
         self.named_parts.extend(self.spots.last().map(|spot| (spot.first, (at, parts))));
     }
 
@@ -393,7 +396,7 @@ impl Scan {
     /// Bytes in which the targets and the order of the visits are kept.
     #[cfg(test)]
     pub(crate) fn bytes_kept(&self) -> usize {
-        size_of_val(&self.spots[..]) + size_of_val(&self.visits[..]) + self.written.len()
+        size_of_val(&self.spots[..]) + size_of_val(&self.visits[..]) + self.written.bytes()
     }
 
     /// The index of a setup.

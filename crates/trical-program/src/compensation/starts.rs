@@ -258,10 +258,9 @@ impl Compensator<'_> {
                 Visit::OnPath(is) => walk.on_path = is,
                 Visit::Near(k) => self.scan.near.get(k as usize).into_iter().for_each(|near| walk.go_near(*near)),
                 Visit::To(k) => {
-                    let Some(start) = self.scan.spots.get(k as usize).and_then(|spot| walk.go_to(k, spot)) else {
-                        continue;
-                    };
-                    let place = k as usize - given;
+                    let start = self.scan.spots.get(k as usize).and_then(|spot| walk.go_to(k, spot));
+                    // those that are given were gone to before
+                    let (Some(start), Some(place)) = (start, (k as usize).checked_sub(given)) else { continue };
                     waiting.resize(waiting.len().max(place + 1), None);
                     waiting[place] = Some(start);
                 }

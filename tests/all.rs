@@ -1,5 +1,5 @@
 //! Tests of the command line, one program: to build and link one costs less than many, and what waits leaves the processor to others.
-#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
+#![allow(clippy::disallowed_methods, clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
 
 mod common;
 #[path = "../crates/trical-device/tests/common/rws_server.rs"]

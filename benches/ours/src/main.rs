@@ -1,6 +1,11 @@
 //! TriCal's own times on the tasks in a folder that `arm.py` and `scene.py` have written, one JSON object a line:
 //! `trical-bench FOLDER [row ...]`. CPU time of the process, median over batches; `measure.py` does the same for the peers.
-#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a measuring program, of no use to anybody when it fails")]
+#![allow(
+    clippy::disallowed_methods,
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a measuring program, of no use to anybody when it fails"
+)]
 
 mod identification;
 mod kinematics;

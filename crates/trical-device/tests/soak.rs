@@ -2,7 +2,7 @@
 //!
 //! Two hours by default; `TRICAL_SOAK_S=86400 cargo test -p trical-device --test soak -- --nocapture` measures for a day.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout)]
+#![allow(clippy::disallowed_methods, clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout)]
 #![cfg(target_os = "linux")]
 
 mod common;

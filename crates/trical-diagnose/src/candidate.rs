@@ -198,7 +198,7 @@ impl Candidate {
             ) if at == joint => cycles * c,
             _ => 0.0,
         };
-        self.terms.iter().zip(coefficients).map(slope).fold(0.0, f64::hypot) >= 1.0
+        self.terms.iter().zip(coefficients).map(slope).fold(0.0, libm::hypot) >= 1.0
     }
 
     /// Where on its axis a joint gives way, if it is between: the share of the way from its origin to its foot.

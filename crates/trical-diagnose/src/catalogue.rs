@@ -51,7 +51,7 @@ pub fn catalogue(recorded: &Covariates<'_>, sessions: &[(u32, Covariates<'_>)]) 
         for c in &mut list {
             let scan = sites.iter().find(|s| s.0 == c.site).map_or(1, |s| s.1);
             let ways = (EFFECTS.len() * sites.len() * scan) as f64;
-            c.log_prior -= ways.ln();
+            c.log_prior -= libm::log(ways);
         }
         all.append(&mut list);
     }

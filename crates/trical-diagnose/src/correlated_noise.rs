@@ -6,9 +6,9 @@
 
 use std::collections::BTreeMap;
 
-use faer::Mat;
 use nalgebra::{Matrix3, Vector3};
 use trical_ident::dataset::{Dataset, Observation};
+use trical_ident::dense::Mat;
 use trical_model::{Measured, residual_rows};
 
 use crate::settings::{AUTOCORRELATIONS, CORRELATED_NATS, CORRELATION_LENGTHS, WHITE_SHARES};
@@ -51,7 +51,7 @@ impl CorrelatedNoise {
     /// Those of `nats`.
     pub fn likeliest<E>(length: usize, mut nats: impl FnMut(Self) -> Result<f64, E>) -> Result<(Self, f64), E> {
         let longest = length as f64 / CORRELATION_LENGTHS;
-        let count = AUTOCORRELATIONS.iter().filter(|kept| -kept.ln().recip() <= longest).count();
+        let count = AUTOCORRELATIONS.iter().filter(|kept| -libm::log(**kept).recip() <= longest).count();
         let at = |(k, w): (usize, usize)| Self { kept: AUTOCORRELATIONS[k], white: WHITE_SHARES[w] };
         let none = nats(Self::WHITE)?;
         let mut known: BTreeMap<(usize, usize), f64> = BTreeMap::new();
@@ -152,7 +152,7 @@ impl Filter {
     /// Logarithm of the determinant of the noise's correlations.
     #[must_use]
     pub fn log_determinant(&self) -> f64 {
-        2.0 * self.steps.iter().map(|s| s.root.ln()).sum::<f64>()
+        2.0 * self.steps.iter().map(|s| libm::log(s.root)).sum::<f64>()
     }
 
     /// `W` times a column.
@@ -163,16 +163,16 @@ impl Filter {
     }
 
     /// `W` times each column, some at a time: each row hangs on one before it, so that several take hardly longer than one.
-    pub fn apply_to_all(&self, columns: &mut Mat<f64>) {
+    pub fn apply_to_all(&self, columns: &mut Mat) {
         let mut rows = vec![[0.0; AT_ONCE]; if self.works() { columns.nrows() } else { 0 }];
         for first in (0..columns.ncols()).step_by(AT_ONCE).take_while(|_| self.works()) {
             let some = first..columns.ncols().min(first + AT_ONCE);
             for (k, column) in some.clone().enumerate() {
-                rows.iter_mut().zip(columns.col_as_slice(column)).for_each(|(row, v)| row[k] = *v);
+                rows.iter_mut().zip(columns.col(column)).for_each(|(row, v)| row[k] = *v);
             }
             self.whiten(&mut rows);
             for (k, column) in some.enumerate() {
-                rows.iter().zip(columns.col_as_slice_mut(column)).for_each(|(row, v)| *v = row[k]);
+                rows.iter().zip(columns.col_mut(column)).for_each(|(row, v)| *v = row[k]);
             }
         }
     }

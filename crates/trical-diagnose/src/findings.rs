@@ -99,7 +99,7 @@ pub(crate) fn finding(
     let rank = with.parameters - state.parameters;
     let delta_bic = {
         let n = search.freedom(state);
-        n * (state.ss / with.ss).ln() - rank * n.ln()
+        n * libm::log(state.ss / with.ss) - rank * libm::log(n)
     };
     let own = search.total(state, &group.members);
     let mut rivals: Vec<Rival> = Vec::new();

@@ -28,6 +28,8 @@
 //! | [`joint_choice`] | the same, with joints as read and as commanded |
 //! | [`truth`] | true arms for a virtual cell, drawn by chance, and effects hidden in them |
 
+#![cfg_attr(test, allow(clippy::disallowed_methods))]
+
 pub mod alternatives;
 pub mod candidate;
 pub mod catalogue;

@@ -180,7 +180,7 @@ pub fn locators(model: &Model, data: &Dataset) -> Vec<Candidate> {
     let small = |c: &Candidate| Candidate { scales: c.scales.iter().map(|s| s * UNNAMED_REST).collect(), ..c.clone() };
     let rests: Vec<Candidate> = out.iter().filter(|c| c.terms.len() > 1).map(small).collect();
     out.extend(rests);
-    let price = (out.len() as f64).ln() + UNNAMED_PRICE_NATS;
+    let price = libm::log(out.len() as f64) + UNNAMED_PRICE_NATS;
     for c in &mut out {
         c.log_prior = -price;
     }

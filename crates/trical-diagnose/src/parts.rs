@@ -67,7 +67,7 @@ impl<'a> Parts<'a> {
         let (rows, squares) = blocks.iter().fold((0.0, 0.0), |(n, sum), b| (n + b.rows, sum + b.square));
         let variance: f64 = squares / rows;
         let score =
-            |b: &Foreseen| -0.5 * self.temper * (b.square / variance + b.rows * variance.ln() + b.log_covariance);
+            |b: &Foreseen| -0.5 * self.temper * (b.square / variance + b.rows * libm::log(variance) + b.log_covariance);
         blocks.iter().map(|b| if b.rows > 0.0 { score(b) } else { 0.0 }).collect()
     }
 

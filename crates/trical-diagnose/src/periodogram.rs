@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use trical_ident::dataset::Dataset;
 use trical_ident::error::Result;
 use trical_ident::identify::Identified;
-use trical_model::{Basis, Place, Shape, Site, Term, Variable};
+use trical_model::{Basis, Place, Shape, Site, Term, Variable, trig};
 
 use crate::candidate::{Candidate, Physical};
 use crate::covariates::name;
@@ -72,7 +72,7 @@ pub fn fast(fitted: &Identified, data: &Dataset) -> Result<Vec<Candidate>> {
                 signs: vec![0; 2],
                 typical: 0.0,
                 scales: vec![UNNAMED_SIZE_RAD; 2],
-                log_prior: -asked.ln() - UNNAMED_PRICE_NATS,
+                log_prior: -libm::log(asked) - UNNAMED_PRICE_NATS,
             }
         })
         .collect())
@@ -197,10 +197,10 @@ impl Apparent {
         let mut power = Arch::new().dispatch(Powers {
             count,
             push: of(&mut self.push.iter().copied()),
-            sin: of(&mut q().map(|q| (f64::from(from) * q).sin())),
-            cos: of(&mut q().map(|q| (f64::from(from) * q).cos())),
-            turn_sin: of(&mut q().map(|q| q.sin())),
-            turn_cos: of(&mut q().map(|q| q.cos())),
+            sin: of(&mut q().map(|q| trig::sin(f64::from(from) * q))),
+            cos: of(&mut q().map(|q| trig::cos(f64::from(from) * q))),
+            turn_sin: of(&mut q().map(|q| trig::sin(*q))),
+            turn_cos: of(&mut q().map(|q| trig::cos(*q))),
         });
         power.iter_mut().for_each(|p| *p /= half);
         let mut order: Vec<usize> = (0..power.len()).collect();

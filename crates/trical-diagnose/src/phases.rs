@@ -2,11 +2,10 @@
 //! angle only (a damaged tooth, a step) or jumps between two levels has waves too, but in phase: beside the same waves with phases drawn by
 //! chance (surrogate data: Theiler et al. 1992) its tails are too long, or too short.
 
-use faer::Mat;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use trical_ident::triangle::dot;
-use trical_model::{Shape, Term};
+use trical_ident::dense::{Mat, dot};
+use trical_model::{Shape, Term, trig};
 
 use crate::candidate::cycles_of;
 use crate::settings::{PHASE_ANGLES, PHASE_DRAWS};
@@ -33,22 +32,22 @@ pub(crate) fn p_value(waves: &[&Term], angles: &[f64]) -> f64 {
     let slope = without(&[&constant], angles.clone());
     let column = |of: &dyn Fn(f64) -> f64| without(&[&constant, &slope], angles.iter().map(|q| of(*q)).collect());
     let columns: Vec<[Vec<f64>; 2]> =
-        parts.iter().map(|(n, _)| [column(&|q| (n * q).sin()), column(&|q| (n * q).cos())]).collect();
+        parts.iter().map(|(n, _)| [column(&|q| trig::sin(n * q)), column(&|q| trig::cos(n * q))]).collect();
     let n = 2 * parts.len();
     let shown = Mat::from_fn(angles.len(), n, |i, j| columns[j / 2][j % 2][i]);
     let mut rng = Pcg64Mcg::seed_from_u64(20_261_126);
     // the first column is the curve itself
-    let mut sizes = Mat::<f64>::zeros(n, 1 + PHASE_DRAWS);
+    let mut sizes = Mat::zeros(n, 1 + PHASE_DRAWS);
     for (k, (_, own)) in parts.iter().enumerate() {
-        let amplitude = own[0].hypot(own[1]);
+        let amplitude = libm::hypot(own[0], own[1]);
         for draw in 0..=PHASE_DRAWS {
-            let (sin, cos) = rng.random_range(0.0..std::f64::consts::TAU).sin_cos();
+            let (sin, cos) = trig::sin_cos(rng.random_range(0.0..std::f64::consts::TAU));
             let [a, b] = if draw == 0 { *own } else { [amplitude * sin, amplitude * cos] };
             (sizes[(2 * k, draw)], sizes[(2 * k + 1, draw)]) = (a, b);
         }
     }
-    let curves = shown * sizes;
-    let tails: Vec<f64> = (0..curves.ncols()).map(|k| kurtosis(curves.col_as_slice(k))).collect();
+    let curves = &shown * &sizes;
+    let tails: Vec<f64> = (0..curves.ncols()).map(|k| kurtosis(curves.col(k))).collect();
     let longer = tails[1..].iter().filter(|t| **t >= tails[0]).count();
     let shorter = tails[1..].iter().filter(|t| **t <= tails[0]).count();
     (2.0 * (1 + longer.min(shorter)) as f64 / (1 + PHASE_DRAWS) as f64).min(1.0)

@@ -66,14 +66,14 @@ pub fn shares(alternatives: &[Alternative]) -> Shares {
     let mut mean = vec![0.0; alternatives.len()];
     for _ in 0..BOOTSTRAP_DRAWS {
         // Dirichlet(1, ..., 1) by exponentials
-        let mut weights: Vec<f64> = (0..blocks).map(|_| -rng.random_range(f64::MIN_POSITIVE..1.0).ln()).collect();
+        let mut weights: Vec<f64> = (0..blocks).map(|_| -libm::log(rng.random_range(f64::MIN_POSITIVE..1.0))).collect();
         let sum: f64 = weights.iter().sum();
         let factor = blocks as f64 / sum.max(f64::MIN_POSITIVE);
         weights.iter_mut().for_each(|w| *w *= factor);
         let score = |a: &Alternative| a.log_prior + weights.iter().zip(&a.scores).map(|(w, s)| w * s).sum::<f64>();
         let scores: Vec<f64> = alternatives.iter().map(score).collect();
         let most = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let shares: Vec<f64> = scores.iter().map(|s| (s - most).exp()).collect();
+        let shares: Vec<f64> = scores.iter().map(|s| libm::exp(s - most)).collect();
         let total: f64 = shares.iter().sum();
         for (m, s) in mean.iter_mut().zip(shares) {
             *m += s / total;
@@ -119,7 +119,7 @@ const LEAST_SHARE: f64 = 0.01;
 
 fn logit(p: f64) -> f64 {
     let p = p.clamp(LEAST_SHARE, 1.0 - LEAST_SHARE);
-    (p / (1.0 - p)).ln()
+    libm::log(p / (1.0 - p))
 }
 
 /// A probability from the share `evidence` of the alternatives; where halves were searched, also from how many of them found the same, and from
@@ -130,13 +130,13 @@ pub fn recalibrated(evidence: f64, (found, halves): (usize, usize), findings: us
     let [constant, by_evidence, by_found, by_findings, by_evidence_alone] = curve;
     let (found, halves, findings) = (found as f64, halves as f64, findings.max(1) as f64);
     let x = if halves > 0.0 {
-        let of_found = ((found + 0.5) / (halves - found + 0.5)).ln();
-        let among_many = findings.ln() * (1.0 - found / halves);
+        let of_found = libm::log((found + 0.5) / (halves - found + 0.5));
+        let among_many = libm::log(findings) * (1.0 - found / halves);
         by_evidence * logit(evidence) + by_found * of_found + by_findings * among_many
     } else {
         by_evidence_alone * logit(evidence)
     };
-    (1.0 / (1.0 + (-(constant + x)).exp())).min(LARGEST_CONFIDENCE)
+    (1.0 / (1.0 + libm::exp(-(constant + x)))).min(LARGEST_CONFIDENCE)
 }
 
 /// All three, none larger than the one before it; `findings` is how many the recording has.

@@ -79,8 +79,8 @@ pub(crate) fn parts_of_curve(curve: &Candidate, model: &Model, all: &[Candidate]
 fn finer_scales(c: &Candidate, all: &[Candidate]) -> Vec<Candidate> {
     let alike = || all.iter().filter(|o| o.is_alike(c));
     if let Some(scale) = c.scale() {
-        let scan: Vec<f64> = alike().filter(|o| same_curve(c, o)).filter_map(|o| Some(o.scale()?.ln())).collect();
-        let finer: Vec<f64> = halfway(scale.ln(), &scan, SAME_SCALE_RATIO.ln()).map(f64::exp).collect();
+        let scan: Vec<f64> = alike().filter(|o| same_curve(c, o)).filter_map(|o| Some(libm::log(o.scale()?))).collect();
+        let finer: Vec<f64> = halfway(libm::log(scale), &scan, libm::log(SAME_SCALE_RATIO)).map(libm::exp).collect();
         return of_rivals(c, all, &[&finer[..], &[scale]].concat())
             .into_iter()
             .chain(finer.iter().map(|s| c.with_scale(*s)))
@@ -110,7 +110,7 @@ fn of_rivals(c: &Candidate, all: &[Candidate], scales: &[f64]) -> Vec<Candidate>
             None => rivals.push(vec![o]),
         }
     }
-    let apart = |o: &Candidate, s: f64| (o.scale().unwrap_or(f64::INFINITY) / s).ln().abs();
+    let apart = |o: &Candidate, s: f64| libm::log(o.scale().unwrap_or(f64::INFINITY) / s).abs();
     let mut out = Vec::new();
     for rival in rivals {
         let own = || rival.iter().filter_map(|o| o.scale());

@@ -2,9 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use faer::linalg::solvers::Solve;
-use faer::{Mat, Side};
 use trical_ident::dataset::{Dataset, Observation};
+use trical_ident::dense::{Cholesky, Mat};
 use trical_ident::error::Result;
 use trical_ident::fit::{length, position_errors, weighted_residuals};
 use trical_ident::gross::{right_ball, wrong_ball};
@@ -88,7 +87,7 @@ fn unforeseen(fitted: &Identified, o: &Observation, residual: &[f64], noise: &No
     let sigma = |i: usize| noise.sigma(o.recording, &o.measured, i);
     let of = |i: usize, j: usize| f64::from(u8::from(i == j)) + covariance[i][j] / (sigma(i) * sigma(j));
     let r = Mat::from_fn(n, 1, |i, _| residual[i]);
-    let solved = Mat::from_fn(n, n, of).llt(Side::Lower).map(|l| l.solve(&r));
+    let solved = Cholesky::of(&Mat::from_fn(n, n, of)).map(|l| l.solve(&r));
     solved.map_or(length(residual), |x| (0..n).map(|i| r[(i, 0)] * x[(i, 0)]).sum::<f64>().max(0.0).sqrt())
 }
 

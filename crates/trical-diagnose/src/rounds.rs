@@ -370,7 +370,7 @@ impl Rounds {
         for place in places {
             let here = |c: &Candidate| c.cause == Cause::Unexplained && c.site == place && c.scanned();
             let count = self.candidates.iter().filter(|c| here(c)).count();
-            let log_prior = -(count.max(1) as f64).ln();
+            let log_prior = -libm::log(count.max(1) as f64);
             for c in self.candidates.iter_mut().filter(|c| here(c)) {
                 c.log_prior = log_prior;
                 new = true;

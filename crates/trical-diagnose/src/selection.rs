@@ -98,7 +98,7 @@ impl<'a> Search<'a> {
         }
         let n = self.freedom(state);
         let share = (gain.dss / state.ss).min(1.0 - 1e-12);
-        let evidence = -0.5 * n * (1.0 - share).ln() - gain.occam + self.candidates[candidate].log_prior;
+        let evidence = -0.5 * n * libm::log(1.0 - share) - gain.occam + self.candidates[candidate].log_prior;
         let scaled = self.scaled_noise(state, candidate);
         // larger noise speaks for no gain that the readings themselves do not ask for
         let evidence = evidence + if evidence > EVIDENCE_NATS { scaled } else { scaled.min(0.0) };
@@ -113,7 +113,7 @@ impl<'a> Search<'a> {
         }
         let gain = self.design.coefficients(state, candidate).first().copied().unwrap_or(0.0);
         let readings = self.design.rows as f64 / 3.0 * self.temper;
-        readings * gain.clamp(-0.5, 0.5).ln_1p()
+        readings * libm::log1p(gain.clamp(-0.5, 0.5))
     }
 
     fn scales_noise(&self, candidate: usize) -> bool {
@@ -148,7 +148,7 @@ impl<'a> Search<'a> {
     fn best<'s>(&'s self, state: &'s RegressionState, least: f64) -> impl Iterator<Item = Ranked> + 's {
         // Occam's factor only takes evidence away, and what is as good as `least` in the order may be a little below
         let prior = self.candidates.iter().map(|c| c.log_prior).fold(f64::NEG_INFINITY, f64::max);
-        let share = 1.0 - (-2.0 * (least - 2.0 * SAME_EVIDENCE_NATS - prior) / self.freedom(state)).exp();
+        let share = 1.0 - libm::exp(-2.0 * (least - 2.0 * SAME_EVIDENCE_NATS - prior) / self.freedom(state));
         let least_dss = share.max(0.0) * state.ss;
         let mut all: Vec<Ranked> = (0..self.candidates.len())
             .into_par_iter()

@@ -3,7 +3,7 @@
 //! time, with its load, with where it came from? What a probe finds there speaks against the name that was given.
 
 use trical_ident::dataset::Dataset;
-use trical_model::{Axis, Basis, Model, Motion, Place, Shape, Site, Term, Variable};
+use trical_model::{Axis, Basis, Model, Motion, Place, Shape, Site, Term, Variable, trig};
 
 use crate::candidate::{Candidate, Physical};
 use crate::covariates::{is_order, name, order_of, value};
@@ -118,8 +118,9 @@ impl SpecificationTest<'_> {
         let says = |(dss, rank): (f64, usize)| bic_nats(self.freedom(state), state.ss, state.ss - dss, rank as f64);
         let here = (0..self.probes.candidates.len()).filter(|k| self.probes.candidates[*k].site == site);
         let gains = here.map(|k| (k, self.gain(state, k)));
-        let (probe, gain, nats) =
-            gains.map(|(k, g)| (k, g, says(g) - self.probes.looked_at[k].ln())).max_by(|a, b| a.2.total_cmp(&b.2))?;
+        let (probe, gain, nats) = gains
+            .map(|(k, g)| (k, g, says(g) - libm::log(self.probes.looked_at[k])))
+            .max_by(|a, b| a.2.total_cmp(&b.2))?;
         Some((self.lack_of_fit(state, probe, gain), nats))
     }
 
@@ -263,10 +264,10 @@ pub fn probes(model: &Model, data: &Dataset) -> Probes {
             probes.push(probe(site, format!("q{other}"), vec![constant.clone(); 4]));
             regions.push(format!("all of q{other}, with q{joint}"));
             weights.push(vec![
-                product(|a, b| a.sin() * b.sin()),
-                product(|a, b| a.sin() * b.cos()),
-                product(|a, b| a.cos() * b.sin()),
-                product(|a, b| a.cos() * b.cos()),
+                product(|a, b| trig::sin(a) * trig::sin(b)),
+                product(|a, b| trig::sin(a) * trig::cos(b)),
+                product(|a, b| trig::cos(a) * trig::sin(b)),
+                product(|a, b| trig::cos(a) * trig::cos(b)),
             ]);
         }
     }

@@ -187,7 +187,7 @@ pub fn summary(f: &Finding) -> String {
     let perhaps = less_sure(&[f]).map_or_else(String::new, |p| format!(", {p}"));
     let [before, after] = [f.evidence.holdout_rms_before_mm, f.evidence.holdout_rms_after_mm];
     // two digits of the smaller one
-    let decimals = (1.0 - before.min(after).max(1e-9).log10().floor()).clamp(3.0, 5.0) as usize;
+    let decimals = (1.0 - libm::log10(before.min(after).max(1e-9)).floor()).clamp(3.0, 5.0) as usize;
     let gain = if after > before {
         // what pays is judged by how well each block can be predicted, the rms by the worst of them
         "with it in the model most blocks of poses that the fit did not see are predicted better, but over all of them the error"

@@ -1,5 +1,5 @@
 //! Tests of the diagnosis, one program: to build and link one costs less than many.
-#![allow(clippy::unwrap_used, clippy::expect_used)]
+#![allow(clippy::disallowed_methods, clippy::unwrap_used, clippy::expect_used)]
 
 #[path = "../../trical-ident/tests/common/arm.rs"]
 mod arm;

@@ -153,7 +153,7 @@ pub fn name(data: &Dataset, place: BallPlace) -> String {
 /// Motions of the set that touches of these balls tell: of one only where it is, of balls along x not a rotation about x.
 fn motions(cell: &Cell, touched: &BTreeSet<usize>) -> Vec<Motion> {
     let balls: Vec<&Vector3<f64>> = touched.iter().filter_map(|b| cell.balls.get(*b)).collect();
-    let along_x = balls.iter().all(|b| b.y.hypot(b.z) < 1e-6);
+    let along_x = balls.iter().all(|b| libm::hypot(b.y, b.z) < 1e-6);
     let told = |m: &Motion| match m {
         Motion::Along(_) => true,
         Motion::About(Axis::X) => balls.len() > 1 && !along_x,

@@ -430,7 +430,7 @@ pub fn own_setup(robot: &Robot, cell: &Cell, data: &Dataset, choice: &Choice, to
             })
             .collect();
         let rows = data.filtered(|o| o.state.session == Some(session)).scalars();
-        let price = own.len() as f64 * (rows.max(2) as f64).ln();
+        let price = own.len() as f64 * libm::log(rows.max(2) as f64);
         !own.is_empty() && fitted.wald(&own) > price
     };
     if tool == ToolSharing::FromData {

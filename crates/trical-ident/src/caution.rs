@@ -1,6 +1,8 @@
 //! What about a fit should make its owner look twice, though nothing is wrong with the arithmetic.
 
-use trical_model::{Axis, Basis, Joint, JointKind, Measured, Model, Motion, Parameter, Robot, Site, Term, Variable};
+use trical_model::{
+    Axis, Basis, Joint, JointKind, Measured, Model, Motion, Parameter, Robot, Site, Term, Variable, trig,
+};
 
 use crate::dataset::Dataset;
 use crate::degenerate::hardly_moving;
@@ -138,7 +140,7 @@ pub fn shared_errors(design_effect: f64) -> Option<String> {
 /// What to look at where much is left, mm, and nothing is known that explains it.
 #[must_use]
 pub fn much_left(robot: &Robot, mm: f64) -> Option<String> {
-    let reach: f64 = robot.joints.iter().map(|j| j.a.hypot(j.d)).sum();
+    let reach: f64 = robot.joints.iter().map(|j| libm::hypot(j.a, j.d)).sum();
     let deg = (mm * 1e-3 / reach.max(1e-3)).to_degrees();
     (MUCH_MM..=NO_ARM_MM).contains(&mm).then(|| {
         format!(
@@ -158,8 +160,8 @@ pub fn cautions(model: &Model, rows: usize, parameters: usize) -> Vec<String> {
     let (mut shift, mut turn) = (0.0_f64, 0.0_f64);
     for t in model.terms.iter().filter(|t| t.basis == Basis::CONSTANT) {
         match t.site {
-            Site::Base(Motion::Along(_)) => shift = shift.hypot(t.value),
-            Site::Base(Motion::About(_)) => turn = turn.hypot(t.value),
+            Site::Base(Motion::Along(_)) => shift = libm::hypot(shift, t.value),
+            Site::Base(Motion::About(_)) => turn = libm::hypot(turn, t.value),
             _ => {}
         }
     }
@@ -227,7 +229,7 @@ fn leaning(model: &Model) -> Option<String> {
     let leans = |session: u32| {
         let of = model.terms.iter().filter(|t| t.effect == "balls" && t.basis.session == Some(session));
         let about = of.filter(|t| matches!(t.site, Site::Fixture(Motion::About(Axis::X | Axis::Y))));
-        about.map(|t| t.value).fold(0.0, f64::hypot)
+        about.map(|t| t.value).fold(0.0, libm::hypot)
     };
     let sessions: std::collections::BTreeSet<u32> = model.terms.iter().filter_map(|t| t.basis.session).collect();
     let (session, leans) =
@@ -238,7 +240,7 @@ fn leaning(model: &Model) -> Option<String> {
              balls in all of them, which is right where the arm stood as before and those balls stood level: give the recording whose balls stood level first; \
              where the arm itself was mounted otherwise, identify its recordings apart, or it gives way in a wrong direction by {:.0} %",
             leans.to_degrees(),
-            leans.sin() * 100.0
+            trig::sin(leans) * 100.0
         )
     })
 }
@@ -334,7 +336,7 @@ pub fn coincident(robot: &Robot) -> Option<String> {
     let turns = |k: usize| robot.joints[k].kind == JointKind::Revolute;
     let same = |k: &usize| {
         let next = &robot.joints[*k];
-        turns(k - 1) && turns(*k) && next.alpha.sin().abs() < NEAR_PARALLEL && next.a.abs() < SAME_LINE
+        turns(k - 1) && turns(*k) && trig::sin(next.alpha).abs() < NEAR_PARALLEL && next.a.abs() < SAME_LINE
     };
     let first = (1..robot.dof()).find(same)?;
     Some(format!(

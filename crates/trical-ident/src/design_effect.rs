@@ -12,15 +12,12 @@
 //! is 1 on average where measurements are independent, and else the factor by which the variances are too small: the design effect (Kish 1965)
 //! of such groups. Errors that several kinds of groups share add up (Cameron, Gelbach & Miller 2011).
 
-use faer::linalg::matmul::triangular::{BlockStructure, matmul};
-use faer::linalg::solvers::Solve;
-use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
-use faer::{Accum, Mat, Par, Side};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use trical_model::Forward;
 
 use crate::degenerate::resting_joints;
+use crate::dense::{Cholesky, Mat, dot, solve_lower};
 use crate::error::Result;
 use crate::fit::weighted_residuals;
 use crate::folds::Folds;
@@ -41,7 +38,7 @@ const PROBES: usize = 16;
 /// The measurements of a fit in the metric of its covariance.
 struct Whitened {
     /// `parameters x rows`.
-    z: Mat<f64>,
+    z: Mat,
     residual: Vec<f64>,
     /// Observation of each row.
     observation: Vec<usize>,
@@ -74,13 +71,13 @@ impl Identified {
         let among = Mat::from_fn(held.len(), held.len(), |a, b| {
             across[(a, held[b].0)] / held[b].1 + if a == b { 1.0 / (factor - 1.0) } else { 0.0 }
         });
-        let Ok(root) = among.llt(Side::Lower) else { return Ok(self) };
-        solve_lower_triangular_in_place(root.L(), across.as_mut(), Par::Seq);
-        let wider = (c - across.transpose() * &across) * factor;
+        let Some(root) = Cholesky::of(&among) else { return Ok(self) };
+        solve_lower(root.lower(), &mut across);
+        let wider = c - &(across.transpose() * &across);
         for (i, free) in self.free.iter().enumerate() {
-            (0..p).for_each(|j| self.covariance[i * p + j] = wider[(i, j)]);
+            (0..p).for_each(|j| self.covariance[i * p + j] = factor * wider[(i, j)]);
             if let Some(sd) = &mut self.model.terms[*free].sd {
-                *sd = wider[(i, i)].max(0.0).sqrt();
+                *sd = (factor * wider[(i, i)]).max(0.0).sqrt();
             }
         }
         Ok(Self { design_effect: factor, ..self })
@@ -118,7 +115,7 @@ impl Whitened {
         let moved: Vec<usize> = (0..all).filter(|k| c(*k, *k) > 0.0).collect();
         let (p, sd): (usize, Vec<f64>) = (moved.len(), moved.iter().map(|k| c(*k, *k).sqrt()).collect());
         let correlation = Mat::from_fn(p, p, |i, j| c(moved[i], moved[j]) / (sd[i] * sd[j]));
-        let Ok(root) = correlation.llt(Side::Lower).map(|l| l.L().to_owned()) else { return Ok(None) };
+        let Some(root) = Cholesky::of(&correlation) else { return Ok(None) };
         let forward = Forward::new(fitted.model.clone(), moved.iter().map(|k| fitted.free[*k]).collect())?;
         let (data, noise) = (&fitted.data, &fitted.noise);
         let residuals = weighted_residuals(&forward, data, noise);
@@ -129,13 +126,13 @@ impl Whitened {
         }
         let sigma = (square / count.saturating_sub(p).max(1) as f64).sqrt();
         let (mut ws, mut block) = (forward.workspace(), vec![0.0; 6 * p]);
-        let mut rows = Mat::<f64>::zeros(p, count);
+        let mut rows = Mat::zeros(p, count);
         let (mut residual, mut observation) = (Vec::with_capacity(count), Vec::with_capacity(count));
         for (at, (o, (r, n))) in data.observations.iter().zip(&residuals).enumerate() {
             forward.linearize(&o.state, &o.measured, o.frame, &mut ws, &mut block);
             for (k, r) in r[..*n].iter().enumerate() {
                 let weight = 1.0 / (sigma * noise.sigma(o.recording, &o.measured, k));
-                let row = rows.col_as_slice_mut(residual.len());
+                let row = rows.col_mut(residual.len());
                 for ((to, from), sd) in row.iter_mut().zip(&block[k * p..]).zip(&sd) {
                     *to = from * sd * weight;
                 }
@@ -143,10 +140,7 @@ impl Whitened {
                 observation.push(at);
             }
         }
-        let mut z = Mat::<f64>::zeros(p, count);
-        let (upper, all) = (BlockStructure::TriangularUpper, BlockStructure::Rectangular);
-        matmul(z.as_mut(), all, Accum::Replace, root.transpose(), upper, rows.as_ref(), all, 1.0, Par::Seq);
-        Ok(Some(Self { z, residual, observation }))
+        Ok(Some(Self { z: root.lower().transpose() * &rows, residual, observation }))
     }
 
     /// Of the groups of observations that `of` tells.
@@ -157,23 +151,23 @@ impl Whitened {
         let (mut moved, mut expected, mut spread, mut rng) = (0.0, 0.0, 0.0, Pcg64Mcg::seed_from_u64(1));
         for group in rows.chunk_by(|a, b| a.0 == b.0) {
             let n = group.len();
-            let mut z = Mat::<f64>::zeros(p, n);
+            let mut z = Mat::zeros(p, n);
             for (k, (_, row)) in group.iter().enumerate() {
-                z.col_as_slice_mut(k).copy_from_slice(self.z.col_as_slice(*row));
+                z.col_mut(k).copy_from_slice(self.z.col(*row));
             }
             let r = Mat::from_fn(n, 1, |k, _| self.residual[group[k].1]);
             // Z'Z and ZZ' have the same eigenvalues: whichever is smaller
             let small = n < p;
-            let (g, push) = if small { (z.transpose() * &z, r) } else { (&z * z.transpose(), &z * r) };
+            let (g, push) = if small { (z.transpose() * &z, r) } else { (&z * z.transpose(), &z * &r) };
             let kept = Mat::from_fn(g.nrows(), g.nrows(), |i, j| f64::from(u8::from(i == j)) - LEFT_OUT * g[(i, j)]);
-            let Ok(root) = kept.llt(Side::Lower) else { continue };
+            let Some(root) = Cholesky::of(&kept) else { continue };
             let push = root.solve(&push);
-            moved += if small { (push.transpose() * &g * &push)[(0, 0)] } else { push.squared_norm_l2() };
+            moved += if small { dot(push.col(0), (&g * &push).col(0)) } else { push.square() };
             let probe = Mat::from_fn(g.nrows(), PROBES, |_, _| if rng.random() { 1.0 } else { -1.0 });
             let through = &g * &probe;
-            let seen = root.solve(root.solve(&through - &g * &through));
-            expected += (0..PROBES).map(|k| probe.col(k).transpose() * seen.col(k)).sum::<f64>() / PROBES as f64;
-            spread += seen.squared_norm_l2() / PROBES as f64;
+            let seen = root.solve(&root.solve(&(through.clone() - &(&g * &through))));
+            expected += (0..PROBES).map(|k| dot(probe.col(k), seen.col(k))).sum::<f64>() / PROBES as f64;
+            spread += seen.square() / PROBES as f64;
         }
         if expected > 0.0 {
             Effect { factor: moved / expected, sd: (2.0 * spread).sqrt() / expected }

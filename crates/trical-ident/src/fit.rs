@@ -1,10 +1,10 @@
 //! Rows of the weighted problem and their sums: what a fit minimizes, and what is checked before.
 
-use faer::Mat;
 use rayon::prelude::*;
 use trical_model::{Forward, Workspace};
 
 use crate::dataset::{Dataset, Observation, rejected_in_words};
+use crate::dense::Mat;
 use crate::error::{IdentError, Result};
 use crate::known::Known;
 use crate::noise::Noise;
@@ -92,7 +92,7 @@ fn add_priors(forward: &Forward, known: &[Known], total: &mut Rows) {
 }
 
 /// The factor `R` of the weighted `[J r]`, the residual as the last column, accumulated block by block.
-pub(crate) fn factor(forward: &Forward, data: &Dataset, noise: &Noise, known: &[Known]) -> Mat<f64> {
+pub(crate) fn factor(forward: &Forward, data: &Dataset, noise: &Noise, known: &[Known]) -> Mat {
     let mut total = Rows::new(forward.free().len(), Keep::Factor);
     sum_rows(forward, &data.observations, noise, f64::INFINITY, &mut total);
     add_priors(forward, known, &mut total);

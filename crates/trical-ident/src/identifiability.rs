@@ -1,32 +1,32 @@
 //! What measurements can and cannot tell: independent parameters, dependence in words, covariance, observability.
 
-use faer::{Mat, Side};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use trical_model::{
     Cell, Forward, MAX_JOINTS, Measured, Model, Motion, Parameter, Robot, Shape, Site, State, Term, Variable,
-    residual_rows,
+    residual_rows, trig,
 };
 
 use crate::ball_places::{self, base_is_fixed, unknown_places};
 use crate::dataset::{Dataset, told_of_tool};
 use crate::degenerate::hardly_moving;
+use crate::dense::{Mat, dot, singular_values, singular_values_of_products, weakest};
 use crate::error::Result;
 use crate::fit::factor;
 use crate::known::{Known, KnownParameters};
 use crate::noise::Noise;
 use crate::optional::{length_zeros, rail, sag};
 use crate::rigid::median;
-use crate::triangle::{Triangle, dot};
+use crate::triangle::Triangle;
 use crate::weak::plausible;
 
 /// Upper triangular `R` (p x p) of the QR factorization of the weighted Jacobian, accumulated block by block so that memory
 /// does not grow with the rows. Priors count as measurements of the parameters themselves.
 #[must_use]
-pub fn r_factor(forward: &Forward, data: &Dataset, noise: &Noise, known: &[Known]) -> Mat<f64> {
+pub fn r_factor(forward: &Forward, data: &Dataset, noise: &Noise, known: &[Known]) -> Mat {
     let p = forward.free().len();
     let r = factor(forward, data, noise, known);
-    r.submatrix(0, 0, p, p).to_owned()
+    r.leading(p, p)
 }
 
 /// Observability of the parameters from the singular values of the weighted Jacobian with columns of unit length.
@@ -59,7 +59,7 @@ pub(crate) fn is_well_conditioned(singular: &[f64]) -> bool {
 /// Lengths of the columns of `R`, and the singular values of `R` with columns of unit length, largest first. `None` where a
 /// column is zero or not finite, or the iteration for the values failed.
 #[must_use]
-pub fn spectrum(r: &Mat<f64>) -> Option<(Vec<f64>, Vec<f64>)> {
+pub fn spectrum(r: &Mat) -> Option<(Vec<f64>, Vec<f64>)> {
     let p = r.ncols();
     let scale = column_lengths(r);
     let reference = median(&scale);
@@ -68,16 +68,12 @@ pub fn spectrum(r: &Mat<f64>) -> Option<(Vec<f64>, Vec<f64>)> {
     }
     let scaled = Mat::from_fn(p, p, |i, j| r[(i, j)] / scale[j]);
     // half the work of singular values, which have all digits where columns are nearly dependent
-    let of_products = (scaled.transpose() * &scaled).self_adjoint_eigenvalues(Side::Lower).ok();
-    let of_products = of_products.map(|e| e.iter().rev().map(|e| e.max(0.0).sqrt()).collect::<Vec<f64>>());
-    let s = match of_products.filter(|s| is_well_conditioned(s)) {
-        Some(s) => s,
-        None => scaled.singular_values().ok()?,
-    };
+    let of_products = singular_values_of_products(&scaled);
+    let s = if is_well_conditioned(&of_products) { of_products } else { singular_values(&scaled) };
     Some((scale, s))
 }
 
-fn column_lengths(r: &Mat<f64>) -> Vec<f64> {
+fn column_lengths(r: &Mat) -> Vec<f64> {
     (0..r.ncols()).map(|j| (0..=j).map(|i| r[(i, j)].powi(2)).sum::<f64>().sqrt()).collect()
 }
 
@@ -86,7 +82,7 @@ fn column_lengths(r: &Mat<f64>) -> Vec<f64> {
 /// # Errors
 /// Never for a model from [`independent_terms`]; a singular `R` gives an infinite condition.
 #[must_use]
-pub fn observability(r: &Mat<f64>, rows: usize) -> (Observability, Vec<f64>) {
+pub fn observability(r: &Mat, rows: usize) -> (Observability, Vec<f64>) {
     let p = r.ncols();
     let Some((scale, s)) = spectrum(r) else {
         let nothing = Observability { o1: 0.0, o2: 0.0, o3: 0.0, o4: 0.0, o5: 0.0, condition: f64::INFINITY, rows };
@@ -101,7 +97,7 @@ pub(crate) fn indices(s: &[f64], rows: usize) -> Observability {
     let largest = s.first().copied().unwrap_or(0.0);
     let smallest = s.last().copied().unwrap_or(0.0);
     Observability {
-        o1: (s.iter().map(|x| x.max(1e-300).ln()).sum::<f64>() / pf).exp() / m.sqrt(),
+        o1: libm::exp(s.iter().map(|x| libm::log(x.max(1e-300))).sum::<f64>() / pf) / m.sqrt(),
         o2: smallest / largest,
         o3: smallest,
         o4: smallest * smallest / largest,
@@ -112,7 +108,7 @@ pub(crate) fn indices(s: &[f64], rows: usize) -> Observability {
 }
 
 /// `(R'R)^-1`, row by row, by back substitution on the columns of unit length.
-pub(crate) fn covariance(r: &Mat<f64>, scale: &[f64]) -> Vec<f64> {
+pub(crate) fn covariance(r: &Mat, scale: &[f64]) -> Vec<f64> {
     let p = r.ncols();
     // row i of the inverse, which is upper triangular: X[i, j] for j >= i
     let mut inverse = vec![0.0; p * p];
@@ -394,7 +390,7 @@ fn candidates(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Term
         // of near-parallel axes the place of the common normal is no measure: the twist about y is taken, and not the offset along the
         // first of them (Hayati and Mirmirani 1985)
         let twisted = |k: usize| {
-            let near_parallel = model.robot.joints.get(k).is_some_and(|j| j.alpha.sin().abs() < NEAR_PARALLEL);
+            let near_parallel = model.robot.joints.get(k).is_some_and(|j| trig::sin(j.alpha).abs() < NEAR_PARALLEL);
             set != ParameterSet::Compliance && k < n && near_parallel
         };
         terms.extend((1..n).filter(|k| twisted(*k)).map(|k| link(Parameter::Beta, k, "beta")));
@@ -520,7 +516,7 @@ fn random_states(model: &Model, count: usize, resting: &[(usize, f64)]) -> Vec<S
                 s.q[*joint] = *at;
             }
             let torques: [f64; MAX_JOINTS] =
-                std::array::from_fn(|k| 20.0 * (q.get(k).copied().unwrap_or(0.3) * 7.3).sin());
+                std::array::from_fn(|k| 20.0 * trig::sin(q.get(k).copied().unwrap_or(0.3) * 7.3));
             s.torques = Some(torques);
             s.q_commanded = Some(s.q);
             s.dir = Some([1; MAX_JOINTS]);
@@ -715,7 +711,7 @@ fn columns_at_random_states(
 /// The smallest singular direction of `R` (scaled columns) where the data cannot tell parameters apart: names of those that
 /// move together, or `None` where the condition is below `limit`.
 #[must_use]
-pub fn weakest_direction(r: &Mat<f64>, names: &[String], limit: f64) -> Option<Vec<String>> {
+pub fn weakest_direction(r: &Mat, names: &[String], limit: f64) -> Option<Vec<String>> {
     let p = r.ncols();
     if p == 0 {
         return None;
@@ -726,12 +722,10 @@ pub fn weakest_direction(r: &Mat<f64>, names: &[String], limit: f64) -> Option<V
         return Some(vec![names[k].clone()]);
     }
     let scaled = Mat::from_fn(p, p, |i, j| r[(i, j)] / scale[j]);
-    let svd = scaled.thin_svd().ok()?;
-    let s = svd.S().column_vector();
+    let (s, v) = weakest(&scaled)?;
     if s[p - 1] * limit > s[0] {
         return None;
     }
-    let v = svd.V();
-    let largest = (0..p).map(|i| v[(i, p - 1)].abs()).fold(0.0, f64::max);
-    Some((0..p).filter(|i| v[(*i, p - 1)].abs() > 0.2 * largest).map(|i| names[i].clone()).collect())
+    let largest = v.iter().map(|x| x.abs()).fold(0.0, f64::max);
+    Some((0..p).filter(|i| v[*i].abs() > 0.2 * largest).map(|i| names[i].clone()).collect())
 }

@@ -2,7 +2,6 @@
 
 use std::borrow::Cow;
 
-use faer::Mat;
 use trical_model::{Cell, Forward, Measured, Model, Robot, State};
 
 use crate::ball_places;
@@ -11,6 +10,7 @@ use crate::dataset::Dataset;
 use crate::degenerate::{
     check_balls, check_poses, check_units, check_values, different_numbers, different_poses, resting_joints,
 };
+use crate::dense::{Cholesky, Mat};
 use crate::error::{IdentError, Result};
 use crate::fit::{check_count, check_observations, position_errors, weighted_residuals};
 use crate::identifiability::{
@@ -135,12 +135,11 @@ impl Identified {
     /// their covariance. 0 where that is singular.
     #[must_use]
     pub fn wald(&self, some: &[usize]) -> f64 {
-        use faer::linalg::solvers::Solve;
         let p = self.free.len();
         let value = |k: usize| self.model.terms[self.free[k]].value;
         let block = Mat::from_fn(some.len(), some.len(), |i, j| self.covariance[some[i] * p + some[j]]);
         let x = Mat::from_fn(some.len(), 1, |i, _| value(some[i]));
-        block.llt(faer::Side::Lower).map_or(0.0, |l| {
+        Cholesky::of(&block).map_or(0.0, |l| {
             let y = l.solve(&x);
             (0..some.len()).map(|i| x[(i, 0)] * y[(i, 0)]).sum()
         })
@@ -369,7 +368,7 @@ fn in_radians(data: &Dataset) -> bool {
 }
 
 /// Which of the parameters `names` of the factor `r` the data cannot tell apart, and what about the data may be why.
-pub(crate) fn rank_deficient(robot: &Robot, data: &Dataset, r: &Mat<f64>, names: Vec<String>) -> IdentError {
+pub(crate) fn rank_deficient(robot: &Robot, data: &Dataset, r: &Mat, names: Vec<String>) -> IdentError {
     let weak = weakest_direction(r, &names, CONDITION_LIMIT).unwrap_or(names);
     let what = match &weak[..] {
         [one] => format!("cannot tell {one}"),
@@ -456,7 +455,7 @@ pub fn identify(robot: &Robot, cell: &Cell, data: &Dataset, choice: impl Into<Ch
     let needed = |group: &&Vec<String>| {
         let own: Vec<usize> =
             (0..all.free.len()).filter(|k| group.contains(&all.model.terms[all.free[*k]].name)).collect();
-        let price = own.len() as f64 * (numbers as f64).ln();
+        let price = own.len() as f64 * libm::log(numbers as f64);
         !own.is_empty() && all.wald(&own) > price
     };
     let kept: Vec<Vec<String>> = groups.iter().filter(needed).cloned().collect();

@@ -3,6 +3,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`dataset`] | observations, measuring frames, registration by references |
+//! | [`dense`] | matrices, factors and what is solved with them, the same bits on every processor |
 //! | [`degenerate`] | data that cannot be fitted, each with its own sentence |
 //! | [`initial_guess`], [`trilateration`] | closed-form starting values |
 //! | [`fit`], [`solver`], `normal` | Levenberg-Marquardt, and the sums over rows that it and the covariance need |
@@ -22,6 +23,8 @@
 //! | [`touches`], [`simulate`] | what touches could tell; recordings of an arm that is a model |
 //! | [`model_file`], [`units`] | models as files, coefficients as people read them |
 
+#![cfg_attr(test, allow(clippy::disallowed_methods))]
+
 mod adapted;
 pub mod ball_places;
 pub mod by_place;
@@ -31,6 +34,7 @@ pub mod compare;
 pub mod dataset;
 pub mod date;
 pub mod degenerate;
+pub mod dense;
 mod design_effect;
 pub mod error;
 pub mod fit;

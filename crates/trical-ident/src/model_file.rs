@@ -152,7 +152,7 @@ fn take_present_zeros(model: &mut Model, names: &[String]) {
             }
         }
         (t.basis, t.value) = (Basis::CONSTANT, share * t.value);
-        t.sd = t.sd.map(|sd| sd.hypot((1.0 - share) * t.value / share));
+        t.sd = t.sd.map(|sd| libm::hypot(sd, (1.0 - share) * t.value / share));
     }
     model.terms.extend(of_sessions);
 }

@@ -1,14 +1,10 @@
 //! Sums over weighted rows `[J r]`: normal equations and the factor of a QR decomposition, block by block, so that neither
 //! grows with the data, and chunk by chunk in order, so that the number of threads changes no bit.
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::llt::factor::{LltRegularization, cholesky_in_place, cholesky_in_place_scratch};
-use faer::linalg::matmul::triangular::{BlockStructure, matmul};
-use faer::linalg::qr::no_pivoting::factor::{qr_in_place, qr_in_place_scratch};
-use faer::{Accum, Mat, MatMut, MatRef, Par};
 use trical_model::{Forward, Workspace};
 
 use crate::dataset::Observation;
+use crate::dense::{Cholesky, Mat, View, add_rows};
 use crate::noise::Noise;
 
 /// Rows of a block: a calibration by touches fits into one.
@@ -39,7 +35,7 @@ pub(crate) struct Rows {
     block: Vec<f64>,
     /// Lower triangle of the products, or the upper triangular factor; (p + 1) x (p + 1), column by column. Of a gradient the last row
     /// of the products alone.
-    sum: Vec<f64>,
+    sum: Mat,
     /// Half the sum of squares, robust where asked for.
     pub cost: f64,
     jacobian: Vec<f64>,
@@ -59,7 +55,7 @@ impl Rows {
             p,
             keep,
             block: Vec::with_capacity((BLOCK + 6) * width),
-            sum: vec![0.0; if keep == Keep::Gradient { width } else { width * width }],
+            sum: Mat::zeros(width, if keep == Keep::Gradient { 1 } else { width }),
             cost: 0.0,
             jacobian: vec![0.0; 6 * p],
         }
@@ -116,37 +112,27 @@ impl Rows {
         if n == 0 {
             return;
         }
-        let rows = MatRef::from_row_major_slice(&self.block[..n * width], n, width);
+        let rows = View::of_rows(&self.block, n, width);
         match self.keep {
             Keep::Products if width > MANY => {
                 // what belongs to other sessions than these rows' is zero in all of them
-                let used: Vec<usize> = (0..width).filter(|j| rows.col(*j).iter().any(|v| *v != 0.0)).collect();
-                let few = Mat::from_fn(n, used.len(), |i, j| rows[(i, used[j])]);
-                let mut products = Mat::<f64>::zeros(used.len(), used.len());
-                add_products(products.as_mut(), few.as_ref());
+                let used: Vec<usize> = (0..width).filter(|j| (0..n).any(|i| rows.at(i, *j) != 0.0)).collect();
+                let few = Mat::from_fn(n, used.len(), |i, j| rows.at(i, used[j]));
+                let mut products = Mat::zeros(used.len(), used.len());
+                products.add_square(few.view());
                 for (k, j) in used.iter().enumerate() {
                     for (l, i) in used.iter().enumerate().skip(k) {
-                        self.sum[j * width + i] += products[(l, k)];
+                        self.sum[(*i, *j)] += products[(l, k)];
                     }
                 }
             }
-            Keep::Products => add_products(MatMut::from_column_major_slice_mut(&mut self.sum, width, width), rows),
+            Keep::Products => self.sum.add_square(rows),
             Keep::Gradient => {
                 for row in self.block.chunks_exact(width) {
-                    self.sum.iter_mut().zip(row).for_each(|(sum, v)| *sum += v * row[self.p]);
+                    self.sum.col_mut(0).iter_mut().zip(row).for_each(|(sum, v)| *sum += v * row[self.p]);
                 }
             }
-            Keep::Factor => {
-                let above = MatRef::from_column_major_slice(&self.sum, width, width);
-                let mut stacked =
-                    Mat::from_fn(width + n, width, |i, j| if i < width { above[(i, j)] } else { rows[(i - width, j)] });
-                triangularize(&mut stacked);
-                for j in 0..width {
-                    for i in 0..=j {
-                        self.sum[j * width + i] = stacked[(i, j)];
-                    }
-                }
-            }
+            Keep::Factor => add_rows(&mut self.sum, &mut rows.to_owned()),
         }
         self.block.clear();
     }
@@ -155,15 +141,11 @@ impl Rows {
     pub fn add(&mut self, other: &Self) {
         self.cost += other.cost;
         match self.keep {
-            Keep::Products | Keep::Gradient => {
-                for (a, b) in self.sum.iter_mut().zip(&other.sum) {
-                    *a += b;
-                }
-            }
+            Keep::Products | Keep::Gradient => self.sum += &other.sum,
             Keep::Factor => {
                 let width = self.p + 1;
                 for i in 0..width {
-                    self.block.extend((0..width).map(|j| if i <= j { other.sum[j * width + i] } else { 0.0 }));
+                    self.block.extend((0..width).map(|j| other.sum[(i, j)]));
                 }
                 self.flush();
             }
@@ -172,8 +154,8 @@ impl Rows {
 
     /// Takes the gradient and the cost of others, whose products are nearly the same.
     pub fn take_gradient(&mut self, of: &Self) {
-        for (column, g) in self.sum.chunks_exact_mut(self.p + 1).zip(&of.sum) {
-            column[self.p] = *g;
+        for j in 0..=self.p {
+            self.sum[(self.p, j)] = of.sum[(j, 0)];
         }
         self.cost = of.cost;
     }
@@ -182,36 +164,32 @@ impl Rows {
     #[inline]
     pub fn h(&self, i: usize, j: usize) -> f64 {
         let (i, j) = if i >= j { (i, j) } else { (j, i) };
-        self.sum[j * (self.p + 1) + i]
+        self.sum[(i, j)]
     }
 
     /// `J'r` at `i`.
     #[inline]
     pub fn g(&self, i: usize) -> f64 {
-        self.sum[i * (self.p + 1) + self.p]
+        self.sum[(self.p, i)]
     }
 
     /// The factor `R` of `[J r]`, (p + 1) x (p + 1), where it was kept.
-    pub fn factor(&self) -> Option<Mat<f64>> {
-        let width = self.p + 1;
-        let entry = |i: usize, j: usize| if i <= j { self.sum[j * width + i] } else { 0.0 };
-        (self.keep == Keep::Factor).then(|| Mat::from_fn(width, width, entry))
+    pub fn factor(&self) -> Option<Mat> {
+        (self.keep == Keep::Factor).then(|| self.sum.clone())
     }
 
     /// The first p rows of the factor of `[J r]` from the sums of products. Squares double what rounding does, so that only a
     /// matrix that is far from losing rank keeps its digits that way: whether it is, is for the caller to see. `None` where it
     /// is not even positive.
-    pub fn factor_of_products(&self) -> Option<Mat<f64>> {
+    pub fn factor_of_products(&self) -> Option<Mat> {
         let p = self.p;
         if self.keep != Keep::Products || p == 0 {
             return None;
         }
         let scale: Vec<f64> = (0..p).map(|j| self.h(j, j).sqrt()).collect();
-        let mut lower = Mat::from_fn(p, p, |i, j| if i >= j { self.h(i, j) / (scale[i] * scale[j]) } else { 0.0 });
-        let scratch = cholesky_in_place_scratch::<f64>(p, Par::Seq, faer::Spec::default());
-        let mut memory = MemBuffer::new(scratch);
-        let stack = MemStack::new(&mut memory);
-        cholesky_in_place(lower.as_mut(), LltRegularization::default(), Par::Seq, stack, faer::Spec::default()).ok()?;
+        let scaled = Mat::from_fn(p, p, |i, j| if i >= j { self.h(i, j) / (scale[i] * scale[j]) } else { 0.0 });
+        let factor = Cholesky::of(&scaled)?;
+        let lower = factor.lower();
         // Q'r: L y = J'r
         let mut y: Vec<f64> = (0..p).map(|i| self.g(i) / scale[i]).collect();
         for i in 0..p {
@@ -228,27 +206,12 @@ impl Rows {
     }
 }
 
-/// Adds `rows' rows` to a lower triangle.
-fn add_products(sum: MatMut<'_, f64>, rows: MatRef<'_, f64>) {
-    let (lower, whole) = (BlockStructure::TriangularLower, BlockStructure::Rectangular);
-    matmul(sum, lower, Accum::Add, rows.transpose(), whole, rows, whole, 1.0, Par::Seq);
-}
-
 /// The triangular factor of some columns of what has the factor `r`.
-pub(crate) fn triangular(r: &Mat<f64>, columns: &[usize]) -> Mat<f64> {
-    let p = columns.len();
-    let mut chosen = Mat::from_fn(r.nrows().max(p), p, |i, j| if i < r.nrows() { r[(i, columns[j])] } else { 0.0 });
-    triangularize(&mut chosen);
-    Mat::from_fn(p, p, |i, j| if i <= j { chosen[(i, j)] } else { 0.0 })
-}
-
-/// Householder: the upper triangle becomes `R`, what is below is of no use.
-fn triangularize(a: &mut Mat<f64>) {
-    let (rows, columns) = a.shape();
-    let block = 8.min(columns).max(1);
-    let mut householder = Mat::<f64>::zeros(block, columns.min(rows));
-    let mut memory = MemBuffer::new(qr_in_place_scratch::<f64>(rows, columns, block, Par::Seq, faer::Spec::default()));
-    qr_in_place(a.as_mut(), householder.as_mut(), Par::Seq, MemStack::new(&mut memory), faer::Spec::default());
+pub(crate) fn triangular(r: &Mat, columns: &[usize]) -> Mat {
+    let mut chosen = Mat::from_fn(r.nrows(), columns.len(), |i, j| r[(i, columns[j])]);
+    let mut factor = Mat::zeros(columns.len(), columns.len());
+    add_rows(&mut factor, &mut chosen);
+    factor
 }
 
 #[cfg(test)]

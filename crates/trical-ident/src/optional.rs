@@ -1,7 +1,9 @@
 //! Terms that an arm or its instrument may need, of which the measurements decide: what gravity does to an arm whose masses nobody knows, errors of a
 //! rail over its length, and where measured lengths begin.
 
-use trical_model::{Axis, Basis, Forward, JointKind, Measured, Model, Parameter, Shape, Site, State, Term, Variable};
+use trical_model::{
+    Axis, Basis, Forward, JointKind, Measured, Model, Parameter, Shape, Site, State, Term, Variable, trig,
+};
 
 use crate::dataset::Dataset;
 
@@ -21,13 +23,13 @@ pub(crate) fn sag(model: &Model) -> Vec<Term> {
     let mut horizontal = vec![true; joints.len()];
     for k in 0..LOOKS {
         let q: Vec<f64> =
-            (0..joints.len() as u32).map(|j| 3.0 * (1.7 * f64::from(k) + 2.9 * f64::from(j)).sin()).collect();
+            (0..joints.len() as u32).map(|j| 3.0 * trig::sin(1.7 * f64::from(k) + 2.9 * f64::from(j))).collect();
         for (level, pose) in horizontal.iter_mut().zip(forward.world_from_joints(&State::at(&q), &mut ws)) {
             *level &= pose.rotation[(2, 2)].abs() < LEVEL;
         }
     }
     let turns = |k: usize| horizontal[k] && joints[k].kind == JointKind::Revolute;
-    let goes_on = |k: usize| turns(k) && joints[k].alpha.sin().abs() < LEVEL && joints[k].alpha.cos() > 0.0;
+    let goes_on = |k: usize| turns(k) && trig::sin(joints[k].alpha).abs() < LEVEL && trig::cos(joints[k].alpha) > 0.0;
     let mut terms = Vec::new();
     let mut first = 0;
     while first < joints.len() {

@@ -8,11 +8,10 @@
 //! was not fitted at, the effects that were found may be others, and what was held at nominal since joints hardly moved may be off: predictions are
 //! at least as uncertain there as these are large.
 
-use faer::linalg::solvers::{DenseSolveCore, Solve};
-use faer::{Mat, Side};
 use trical_model::{Forward, Measured, Model, Scope, Site, State, Support};
 
 use crate::dataset::{Dataset, Observation};
+use crate::dense::{Cholesky, Mat};
 use crate::error::{IdentError, Result};
 use crate::fit::check_observations;
 use crate::model_file::{ModelFile, Uncertainty};
@@ -103,7 +102,7 @@ pub(crate) fn predicted(
 pub struct Expected {
     forward: Forward,
     /// Of the terms that are free in `forward`.
-    covariance: Mat<f64>,
+    covariance: Mat,
     /// Where it is at least so uncertain: beyond these joint angles.
     visited: Support,
     effects: f64,
@@ -148,7 +147,7 @@ fn known(model: &Model, uncertainty: &Uncertainty, pick: &dyn Fn(usize) -> bool)
 }
 
 /// Covariance of such terms.
-pub(crate) fn covariance(model: &Model, uncertainty: &Uncertainty, known: &[(usize, usize)]) -> Mat<f64> {
+pub(crate) fn covariance(model: &Model, uncertainty: &Uncertainty, known: &[(usize, usize)]) -> Mat {
     let (m, count) = (known.len(), uncertainty.names.len());
     let sd = |k: usize| model.terms[known[k].0].sd.unwrap_or(0.0);
     Mat::from_fn(m, m, |i, j| uncertainty.correlation[known[i].1 * count + known[j].1] * sd(i) * sd(j))
@@ -156,8 +155,8 @@ pub(crate) fn covariance(model: &Model, uncertainty: &Uncertainty, known: &[(usi
 
 /// Derivatives of rows to the known and to the own parameters, and the residual.
 struct Rows {
-    known: Mat<f64>,
-    own: Mat<f64>,
+    known: Mat,
+    own: Mat,
     residual: Vec<f64>,
     observation: Vec<usize>,
 }
@@ -213,12 +212,12 @@ fn coordinates(
         let damped = Mat::from_fn(own.len(), own.len(), |i, j| {
             normal[(i, j)] * if i == j { 1.0 + 1e-9 } else { 1.0 } + if i == j { 1e-12 } else { 0.0 }
         });
-        let factor = damped.llt(Side::Lower).map_err(|_| {
+        let factor = Cholesky::of(&damped).ok_or_else(|| {
             IdentError::NotEnough("the poses that the measuring frame is identified from do not determine it".into())
         })?;
         let taken_up = factor.solve(&(fitted.own.transpose() * &fitted.known));
-        h -= &asked.own * taken_up;
-        let through = &asked.own * factor.inverse();
+        h -= &(&asked.own * &taken_up);
+        let through = &asked.own * &factor.inverse();
         for (i, v) in of_own.iter_mut().enumerate() {
             *v = (0..own.len()).map(|j| through[(i, j)] * asked.own[(i, j)]).sum();
         }

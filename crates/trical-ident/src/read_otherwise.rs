@@ -70,7 +70,7 @@ pub fn read_otherwise(fitted: &Identified) -> Option<String> {
             let times = if (size - 1.0).abs() < ALIKE {
                 String::new()
             } else {
-                format!("{size:.*} ", (1.0 - size.log10().floor()).clamp(2.0, 6.0) as usize)
+                format!("{size:.*} ", (1.0 - libm::log10(size).floor()).clamp(2.0, 6.0) as usize)
             };
             format!("along {} as {sign}{times}i{}_mm says", Axis::ALL[along].name(), Axis::ALL[of].name())
         })

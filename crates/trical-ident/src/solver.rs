@@ -1,4 +1,4 @@
-//! Levenberg-Marquardt on normal equations, solved by faer, with limits of the coefficients.
+//! Levenberg-Marquardt on normal equations, with limits of the coefficients.
 //!
 //! Normal equations are accumulated block by block, so memory does not grow with the rows; columns are scaled to unit length
 //! before the Cholesky factorization, which keeps the digits (what is reported, rank and covariance, comes from a QR
@@ -7,13 +7,10 @@
 //! Limits are kept by an active set: a coefficient at a limit that the gradient would push beyond it is held there for the step,
 //! one that the step would carry beyond a limit goes to it, and the others step with a view to that.
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::llt::factor::{LltRegularization, cholesky_in_place, cholesky_in_place_scratch};
-use faer::linalg::cholesky::llt::solve::{solve_in_place, solve_in_place_scratch};
-use faer::{Mat, Par};
 use trical_model::Forward;
 
 use crate::dataset::Dataset;
+use crate::dense::{Cholesky, Mat};
 use crate::error::{IdentError, Result};
 use crate::fit::{check_count, check_observations, evaluate};
 use crate::identifiability::{is_well_conditioned, spectrum};
@@ -36,12 +33,12 @@ const FORESEEN: f64 = 0.1;
 
 /// A triangular factor of `J` with what [`spectrum`] says of it.
 pub(crate) struct Factored {
-    pub r: Mat<f64>,
+    pub r: Mat,
     pub spectrum: Option<(Vec<f64>, Vec<f64>)>,
 }
 
 impl Factored {
-    pub fn of(r: Mat<f64>) -> Self {
+    pub fn of(r: Mat) -> Self {
         Self { spectrum: spectrum(&r), r }
     }
 }
@@ -156,22 +153,19 @@ pub(crate) struct Solver {
     tried: Rows,
     /// Their gradient alone.
     gradient: Rows,
-    damped: Mat<f64>,
-    rhs: Mat<f64>,
+    damped: Mat,
+    rhs: Mat,
     scale: Vec<f64>,
     proposal: Vec<f64>,
     /// Coefficients that a step leaves at their limits.
     at_limit: Vec<bool>,
     /// Where a step must take coefficients, whatever the data ask for: those that stand there, and those that would go too far.
     target: Vec<Option<f64>>,
-    memory: MemBuffer,
 }
 
 impl Solver {
     /// For `p` free coefficients.
     pub fn new(p: usize) -> Self {
-        let scratch = cholesky_in_place_scratch::<f64>(p, Par::Seq, faer::Spec::default())
-            .or(solve_in_place_scratch::<f64>(p, 1, Par::Seq));
         Self {
             at: Rows::new(p, Keep::Products),
             tried: Rows::new(p, Keep::Products),
@@ -182,7 +176,6 @@ impl Solver {
             proposal: vec![0.0; p],
             at_limit: vec![false; p],
             target: vec![None; p],
-            memory: MemBuffer::new(scratch),
         }
     }
 
@@ -195,7 +188,7 @@ impl Solver {
     pub fn factor(&self) -> Option<Factored> {
         let of_products = self.at.factor_of_products()?;
         let p = of_products.nrows();
-        let factored = Factored::of(of_products.submatrix(0, 0, p, p).to_owned());
+        let factored = Factored::of(of_products.leading(p, p));
         let (_, s) = factored.spectrum.as_ref()?;
         // of many parameters the rows would be asked for seconds, and at this condition six digits are left of what is reported
         let many = p > MANY && s.last().zip(s.first()).is_some_and(|(small, large)| *large < 1e5 * small);
@@ -247,19 +240,8 @@ impl Solver {
             }
             self.rhs[(k, 0)] = step;
         }
-        let stack = MemStack::new(&mut self.memory);
-        let factored = cholesky_in_place(
-            self.damped.as_mut(),
-            LltRegularization::default(),
-            Par::Seq,
-            stack,
-            faer::Spec::default(),
-        );
-        if factored.is_err() {
-            return false;
-        }
-        let stack = MemStack::new(&mut self.memory);
-        solve_in_place(self.damped.as_ref(), self.rhs.as_mut(), Par::Seq, stack);
+        let Some(factor) = Cholesky::of(&self.damped) else { return false };
+        self.rhs = factor.solve(&self.rhs);
         true
     }
 

@@ -10,12 +10,12 @@
 //! has seen the sample. The sums are products where the sample is far from losing rank, else orthogonal factors, which keep the
 //! digits that products would square away. Sums of blocks are joined in order: the number of threads changes no bit.
 
-use faer::Mat;
 use trical_model::{Cell, Forward, Model, Robot, Workspace};
 use trical_recording::CsvStream;
 use trical_recording::stream::BlockRows;
 
 use crate::dataset::{Dataset, Observation, Rejected};
+use crate::dense::Mat;
 use crate::error::{IdentError, Result};
 use crate::fit::{length, weighted};
 use crate::gross::{GROSS, gross_error, right_ball, robust_fit_of_the_richest};
@@ -276,9 +276,9 @@ pub fn identify_stream(
 }
 
 /// The triangular factors of J and of `[J r]`; `None` without rows, and where sums of products have lost too many digits.
-fn factored(rows: &Rows, p: usize, keep: Keep) -> Option<(Factored, Mat<f64>)> {
+fn factored(rows: &Rows, p: usize, keep: Keep) -> Option<(Factored, Mat)> {
     let whole = rows.factor().or_else(|| rows.factor_of_products())?;
-    let factored = Factored::of(whole.submatrix(0, 0, p, p).to_owned());
+    let factored = Factored::of(whole.leading(p, p));
     let digits = keep == Keep::Factor || factored.spectrum.as_ref().is_some_and(|(_, s)| is_well_conditioned(s));
     digits.then_some((factored, whole))
 }
@@ -286,8 +286,8 @@ fn factored(rows: &Rows, p: usize, keep: Keep) -> Option<(Factored, Mat<f64>)> {
 /// What the sums of a pass say of the parameters.
 struct Estimate {
     /// Triangular factors of J, and of `[J r]`.
-    r: Mat<f64>,
-    whole: Mat<f64>,
+    r: Mat,
+    whole: Mat,
     /// Lengths of the columns of J, and its singular values with columns of unit length.
     scale: Vec<f64>,
     singular: Vec<f64>,
@@ -305,7 +305,7 @@ struct Estimate {
 }
 
 impl Estimate {
-    fn of(r: Mat<f64>, whole: Mat<f64>, scale: Vec<f64>, singular: Vec<f64>, squares: &Squares) -> Self {
+    fn of(r: Mat, whole: Mat, scale: Vec<f64>, singular: Vec<f64>, squares: &Squares) -> Self {
         let p = r.ncols();
         // R dx = -Q'r
         let mut step: Vec<f64> = (0..p).map(|i| -whole[(i, p)]).collect();

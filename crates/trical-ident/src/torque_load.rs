@@ -4,12 +4,11 @@
 //! of a further load on the flange in each session but the first follow by least squares (Swevers et al., IEEE Control Systems 2007). Of the
 //! arm's own numbers many do the same; weak priors hold those, and the loads do not depend on them.
 
-use faer::linalg::solvers::{Llt, Solve};
-use faer::{Mat, Side};
 use serde::Serialize;
 use trical_model::{Cell, Forward, Joints, MAX_JOINTS, Model, Robot, State, Workspace};
 
 use crate::dataset::Dataset;
+use crate::dense::{Cholesky, Mat};
 use crate::error::Result;
 
 /// The load of a session beside that of the first one.
@@ -118,8 +117,8 @@ fn torques_of_unit_loads(
 struct Fit {
     joints: usize,
     sessions: usize,
-    normal: Mat<f64>,
-    right: Mat<f64>,
+    normal: Mat,
+    right: Mat,
     /// One row.
     line: Vec<f64>,
     squares: f64,
@@ -173,18 +172,18 @@ impl Fit {
     fn loads(mut self) -> Option<Vec<Load>> {
         let p = self.line.len();
         (0..p).for_each(|i| self.normal[(i, i)] += WEAK.powi(-2));
-        let llt = Llt::new(self.normal.as_ref(), Side::Lower).ok()?;
-        let solution = llt.solve(&self.right);
+        let factor = Cholesky::of(&self.normal)?;
+        let solution = factor.solve(&self.right);
         let explained: f64 = (0..p).map(|i| solution[(i, 0)] * self.right[(i, 0)]).sum();
         let variance = ((self.squares - explained) / self.rows.saturating_sub(p).max(1) as f64).max(0.0);
-        let inverse = llt.solve(Mat::<f64>::identity(p, p));
+        let inverse = factor.inverse();
         let sign = if self.sense < 0.0 { -1.0 } else { 1.0 };
         let load = |session: usize| {
             let own = self.own(session);
             let sd = |k: usize| (variance * inverse[(own + k, own + k)]).max(0.0).sqrt();
             let mass = sign * solution[(own, 0)];
             let cog: [f64; 3] = std::array::from_fn(|k| sign * solution[(own + 1 + k, 0)] / mass);
-            let known = (0..3).all(|k| sd(1 + k).hypot(cog[k] * sd(0)) < KNOWN_COG * mass.abs());
+            let known = (0..3).all(|k| libm::hypot(sd(1 + k), cog[k] * sd(0)) < KNOWN_COG * mass.abs());
             Load { mass, sd: sd(0), cog: known.then_some(cog) }
         };
         Some((1..self.sessions).map(load).collect())

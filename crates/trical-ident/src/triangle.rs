@@ -1,5 +1,7 @@
 //! Which columns of a matrix are sums of those before them.
 
+use crate::dense::dot;
+
 /// Orthonormal directions of the columns that are kept, one after the other (modified Gram-Schmidt, with a second pass where the first leaves little:
 /// Daniel, Gragg, Kaufman & Stewart 1976); a column of which they leave nothing is a sum of them.
 #[derive(Default)]
@@ -67,20 +69,6 @@ impl Triangle {
 
 /// Of a column of length one: where less is left, rounding shows in what is left.
 const LITTLE: f64 = 0.1;
-
-/// Inner product by eight partial sums, which processors take at once.
-#[must_use]
-pub fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; 8];
-    let (a, b) = (a.chunks_exact(8), b.chunks_exact(8));
-    let rest: f64 = a.remainder().iter().zip(b.remainder()).map(|(x, y)| x * y).sum();
-    for (a, b) in a.zip(b) {
-        for ((sum, x), y) in sums.iter_mut().zip(a).zip(b) {
-            *sum += x * y;
-        }
-    }
-    sums.iter().sum::<f64>() + rest
-}
 
 #[cfg(test)]
 mod tests {

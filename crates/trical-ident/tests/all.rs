@@ -1,5 +1,5 @@
 //! Tests of identification, sessions and comparison, one program: to build and link one costs less than many.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout)]
+#![allow(clippy::disallowed_methods, clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout)]
 
 #[path = "common/arm.rs"]
 mod arm;

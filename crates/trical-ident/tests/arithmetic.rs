@@ -1,9 +1,9 @@
 //! Small claims about fits, noise, observability and what is left out, each checked by hand or by its definition. Deliberate
 //! errors in the code (see docs/hardening.md) went unnoticed without them.
 
-use faer::Mat;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use trical_ident::dense::Mat;
 use trical_ident::fit::{check_count, orientation_errors, position_errors, weighted_residuals};
 use trical_ident::gross::reject_gross_errors_beyond;
 use trical_ident::identifiability::observability;

@@ -1,5 +1,5 @@
 //! Forward position, and position with its Jacobian, of a 6R arm: `cargo bench -p trical-model`.
-#![allow(clippy::unwrap_used, missing_docs)]
+#![allow(clippy::disallowed_methods, clippy::unwrap_used, missing_docs)]
 
 use divan::{Bencher, black_box};
 use trical_model::{Basis, Cell, Forward, Measured, Model, Motion, Parameter, Robot, Shape, Site, State, Term};

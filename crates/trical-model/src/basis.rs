@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::axis::Axis;
 use crate::recording::{Measured, State};
-use crate::trig::sin_cos;
+use crate::trig;
+use trig::sin_cos;
 
 /// What a basis looks at.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -198,7 +199,7 @@ impl Shape {
             Self::SignedSquare => (u * u.abs(), 2.0 * u.abs()),
             Self::Cube => (u * u * u, 3.0 * u * u),
             Self::SoftSign { scale } => {
-                let t = (u / scale).tanh();
+                let t = libm::tanh(u / scale);
                 (t, (1.0 - t * t) / scale)
             }
             Self::Clip { at } => ((u / at).clamp(-1.0, 1.0), if u.abs() < at { 1.0 / at } else { 0.0 }),
@@ -219,7 +220,7 @@ impl Shape {
                 }
             }
             Self::WarmUp { constant } => {
-                let e = (-u / constant).exp();
+                let e = libm::exp(-u / constant);
                 (1.0 - e, e / constant)
             }
             Self::Tent { left, centre, right } => {

@@ -66,8 +66,8 @@ impl Axes {
 
 /// Rotation axes of `Rz(v5) Ry(v4) Rx(v3)`, each where it acts, and the rotation itself, for increments `v[3..6]`.
 pub(crate) fn small_rotation(v: &[f64; 6]) -> (Axes, nalgebra::Matrix3<f64>) {
-    let (sy, cy) = v[4].sin_cos();
-    let (sz, cz) = v[5].sin_cos();
+    let (sy, cy) = sin_cos(v[4]);
+    let (sz, cz) = sin_cos(v[5]);
     let axes = Axes { x: V3::new(cz * cy, sz * cy, -sy), y: V3::new(-sz, cz, 0.0), z: V3::z() };
     (axes, crate::pose::rotation_zyx(v[5], v[4], v[3]))
 }
@@ -277,7 +277,7 @@ impl Chain {
                 d: j.d + inc[ChainDof::D as usize],
                 tilt,
                 theta: j.theta_offset + inc[ChainDof::Theta as usize],
-                alpha_sc: alpha.sin_cos(),
+                alpha_sc: sin_cos(alpha),
                 plain: beta == 0.0 && tilt == [0.0; 2],
                 mass: j.mass.unwrap_or(0.0),
                 cog: j.cog,
@@ -363,7 +363,7 @@ impl Chain {
                 d += inc[ChainDof::D as usize];
                 a += inc[ChainDof::A as usize];
                 if inc[ChainDof::Alpha as usize] != 0.0 {
-                    alpha_sc = (c.alpha + inc[ChainDof::Alpha as usize]).sin_cos();
+                    alpha_sc = sin_cos(c.alpha + inc[ChainDof::Alpha as usize]);
                 }
                 let (b, x, y) =
                     (inc[ChainDof::Beta as usize], inc[ChainDof::TiltX as usize], inc[ChainDof::TiltY as usize]);
@@ -390,11 +390,11 @@ impl Chain {
                 origin += turned.z * d;
                 axes = turned.rz(f.turn);
             } else {
-                f.bearing = turned.ry(beta.sin_cos());
+                f.bearing = turned.ry(sin_cos(beta));
                 origin += f.bearing.z * d;
-                let half = f.bearing.rx(tilt[0].sin_cos());
+                let half = f.bearing.rx(sin_cos(tilt[0]));
                 f.y_tilt = half.y;
-                let tilted = half.ry(tilt[1].sin_cos());
+                let tilted = half.ry(sin_cos(tilt[1]));
                 f.z_tilted = tilted.z;
                 axes = tilted.rz(f.turn);
             }

@@ -20,6 +20,8 @@
 //! | [`task`], [`interrupt`] | long work: how far it is, and whether it is still wanted |
 //! | [`pose`] | rigid transforms |
 
+#![cfg_attr(test, allow(clippy::disallowed_methods))]
+
 pub mod axis;
 pub mod basis;
 pub mod calibrated;
@@ -42,7 +44,7 @@ mod target;
 pub mod task;
 pub mod term;
 pub mod touch;
-mod trig;
+pub mod trig;
 pub mod urdf;
 
 pub use axis::Axis;

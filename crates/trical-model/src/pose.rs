@@ -1,5 +1,6 @@
 //! Rigid transforms: a rotation matrix and a translation.
 
+use crate::trig;
 use nalgebra::{Matrix3, Vector3};
 
 /// `a_from_b`: takes points of frame b into frame a.
@@ -41,21 +42,21 @@ impl Pose {
 /// `Rx(angle)`.
 #[must_use]
 pub fn rotation_x(angle: f64) -> Matrix3<f64> {
-    let (s, c) = angle.sin_cos();
+    let (s, c) = trig::sin_cos(angle);
     Matrix3::new(1.0, 0.0, 0.0, 0.0, c, -s, 0.0, s, c)
 }
 
 /// `Ry(angle)`.
 #[must_use]
 pub fn rotation_y(angle: f64) -> Matrix3<f64> {
-    let (s, c) = angle.sin_cos();
+    let (s, c) = trig::sin_cos(angle);
     Matrix3::new(c, 0.0, s, 0.0, 1.0, 0.0, -s, 0.0, c)
 }
 
 /// `Rz(angle)`.
 #[must_use]
 pub fn rotation_z(angle: f64) -> Matrix3<f64> {
-    let (s, c) = angle.sin_cos();
+    let (s, c) = trig::sin_cos(angle);
     Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)
 }
 
@@ -68,15 +69,15 @@ pub fn rotation_zyx(z: f64, y: f64, x: f64) -> Matrix3<f64> {
 /// Angles z, y, x of `R = Rz(z) Ry(y) Rx(x)`, rad; at the singularity (|y| = 90 deg) x is taken as 0.
 #[must_use]
 pub fn angles_zyx(r: &Matrix3<f64>) -> [f64; 3] {
-    let cy = r[(0, 0)].hypot(r[(1, 0)]);
-    let y = (-r[(2, 0)]).atan2(cy);
+    let cy = libm::hypot(r[(0, 0)], r[(1, 0)]);
+    let y = libm::atan2(-r[(2, 0)], cy);
     if cy > 1e-12 {
         // x from what Rz leaves, not from its own two elements: near the singularity z is open, but z and x must fit
-        let z = r[(1, 0)].atan2(r[(0, 0)]);
-        let (s, c) = z.sin_cos();
-        [z, y, (s * r[(0, 2)] - c * r[(1, 2)]).atan2(c * r[(1, 1)] - s * r[(0, 1)])]
+        let z = libm::atan2(r[(1, 0)], r[(0, 0)]);
+        let (s, c) = trig::sin_cos(z);
+        [z, y, libm::atan2(s * r[(0, 2)] - c * r[(1, 2)], c * r[(1, 1)] - s * r[(0, 1)])]
     } else {
-        [(-r[(0, 1)]).atan2(r[(1, 1)]), y, 0.0]
+        [libm::atan2(-r[(0, 1)], r[(1, 1)]), y, 0.0]
     }
 }
 
@@ -111,7 +112,7 @@ pub fn quaternion_from_rotation(r: &Matrix3<f64>) -> [f64; 4] {
 pub fn rotation_vector(r: &Matrix3<f64>) -> Vector3<f64> {
     let v = Vector3::new(r[(2, 1)] - r[(1, 2)], r[(0, 2)] - r[(2, 0)], r[(1, 0)] - r[(0, 1)]) * 0.5;
     let (s, c) = (v.norm(), (r.trace() - 1.0) * 0.5);
-    let angle = s.atan2(c);
+    let angle = libm::atan2(s, c);
     if s > 1e-9 {
         v * (angle / s)
     } else if c > 0.0 {
@@ -138,7 +139,7 @@ pub fn left_jacobian_inverse(v: &Vector3<f64>) -> Matrix3<f64> {
     let coefficient = if angle < 1e-4 {
         1.0 / 12.0 + angle * angle / 720.0
     } else {
-        (1.0 - angle * 0.5 / (angle * 0.5).tan()) / (angle * angle)
+        (1.0 - angle * 0.5 / libm::tan(angle * 0.5)) / (angle * angle)
     };
     Matrix3::identity() - k * 0.5 + k * k * coefficient
 }

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{ModelError, Result, parse_toml_of};
 use crate::pose::{Pose, angles_zyx, rotation_zyx};
 use crate::recording::MAX_JOINTS;
+use crate::trig;
 
 /// Mass of every link of [`Robot::with_even_masses`], kg: a collaborative arm of seven joints weighs 15 to 20 kg.
 pub const EVEN_MASS: f64 = 2.5;
@@ -344,7 +345,7 @@ impl Robot {
         }
         let mut even = self.clone();
         let next = |i: usize| match self.joints.get(i + 1) {
-            Some(j) => Vector3::new(j.a, -j.alpha.sin() * j.d, j.alpha.cos() * j.d),
+            Some(j) => Vector3::new(j.a, -trig::sin(j.alpha) * j.d, trig::cos(j.alpha) * j.d),
             None => self.last_from_flange.translation,
         };
         for (i, joint) in even.joints.iter_mut().enumerate() {

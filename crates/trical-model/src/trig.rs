@@ -6,7 +6,7 @@ use std::f64::consts::FRAC_2_PI;
 
 use pulp::{Arch, NullaryFnOnce};
 
-/// Beyond this (rad) quarter turns are counted by the C library.
+/// Beyond this (rad) quarter turns are counted by `libm`.
 const FAR: f64 = 1e5;
 
 /// The first 33 bits of a quarter turn, and the rest.
@@ -63,8 +63,23 @@ fn near(x: f64) -> (f64, f64) {
 
 /// Sine and cosine of an angle, rad.
 #[inline]
-pub(crate) fn sin_cos(x: f64) -> (f64, f64) {
-    if x.abs() < FAR { near(x) } else { x.sin_cos() }
+#[must_use]
+pub fn sin_cos(x: f64) -> (f64, f64) {
+    if x.abs() < FAR { near(x) } else { libm::sincos(x) }
+}
+
+/// Sine of an angle, rad.
+#[inline]
+#[must_use]
+pub fn sin(x: f64) -> f64 {
+    sin_cos(x).0
+}
+
+/// Cosine of an angle, rad.
+#[inline]
+#[must_use]
+pub fn cos(x: f64) -> f64 {
+    sin_cos(x).1
 }
 
 /// Of several angles, side by side, by the widest vectors that the processor has: each step is the same for any width, and so are the bits.

@@ -1,6 +1,6 @@
 //! Times of the collision checks, of generation and of a whole plan, on the shipped IRB 120 cell.
 
-#![allow(clippy::unwrap_used, missing_docs)]
+#![allow(clippy::disallowed_methods, clippy::unwrap_used, missing_docs)]
 
 use trical_model::{Cell, Joints, MAX_JOINTS, Pose, Robot, State, inverse_kinematics};
 use trical_plan::predict::tool_rows;

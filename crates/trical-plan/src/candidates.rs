@@ -133,7 +133,7 @@ impl Candidates {
         }
         let s = j.singular_values();
         let (pf, mf) = (p as f64, m as f64);
-        let o1 = (s.iter().map(|x| x.max(1e-300).ln()).sum::<f64>() / pf).exp() / mf.sqrt();
+        let o1 = libm::exp(s.iter().map(|x| libm::log(x.max(1e-300))).sum::<f64>() / pf) / mf.sqrt();
         Observability { o1, condition: s.max() / s.min() }
     }
 }
@@ -179,7 +179,7 @@ impl White {
     pub(crate) fn log_det(&self, chosen: &[usize]) -> f64 {
         let (n, p) = (chosen.len().max(1) as f64, self.p as f64);
         match self.information(chosen).cholesky() {
-            Some(c) => 2.0 * c.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>() - p * n.ln(),
+            Some(c) => 2.0 * c.l_dirty().diagonal().iter().map(|d| libm::log(*d)).sum::<f64>() - p * libm::log(n),
             None => f64::NEG_INFINITY,
         }
     }

@@ -89,7 +89,7 @@ impl Aim {
         let figure = match self {
             Self::Determinant => {
                 let p = white.p as f64;
-                m.cholesky().map(|c| (-c.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>() / p).exp())
+                m.cholesky().map(|c| libm::exp(-c.l_dirty().diagonal().iter().map(|d| libm::log(*d)).sum::<f64>() / p))
             }
             Self::Linear(l) => inverse(&m).map(|i| (l.transpose() * i * l).trace().sqrt()),
             Self::Weakest(r) => {
@@ -233,7 +233,7 @@ pub(crate) fn exchange_weakest(
         let least = eigen.eigenvalues.min().max(1e-300);
         let mut root = eigen.eigenvectors.clone();
         for (mut column, value) in root.column_iter_mut().zip(eigen.eigenvalues.iter()) {
-            column *= (least / value.max(least)).powf(1.5);
+            column *= libm::pow(least / value.max(least), 1.5);
         }
         let l = to_unit.transpose() * root;
         let Some(swaps) = Swaps::new(white, chosen, &l) else { return };

@@ -9,7 +9,7 @@ use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use trical_model::ik::continue_from;
 use trical_model::pose::rotation_zyx;
-use trical_model::{IkError, JointKind, Joints, MAX_JOINTS, Pose, Robot, State, Task, inverse_kinematics};
+use trical_model::{IkError, JointKind, Joints, MAX_JOINTS, Pose, Robot, State, Task, inverse_kinematics, trig};
 
 use crate::collision::{CollisionModel, Contact, MotionWorkspace};
 use crate::error::{PlanError, Result};
@@ -288,9 +288,9 @@ impl Search<'_> {
         let retreat = *model.retreat();
         let sideways = retreat.cross(&if retreat.x.abs() < 0.6 { V3::x() } else { V3::y() }).normalize();
         let around = uniform(rng, -std::f64::consts::PI, std::f64::consts::PI);
-        let lean = uniform(rng, CONE.cos(), 1.0).acos();
-        let side = sideways * around.cos() + retreat.cross(&sideways) * around.sin();
-        let direction = retreat * lean.cos() + side * lean.sin();
+        let lean = libm::acos(uniform(rng, trig::cos(CONE), 1.0));
+        let side = sideways * trig::cos(around) + retreat.cross(&sideways) * trig::sin(around);
+        let direction = retreat * trig::cos(lean) + side * trig::sin(lean);
         let distance = uniform(rng, options.standoff_m[0], options.standoff_m[1]);
         let [z, y, x] = std::array::from_fn(|_| uniform(rng, -TURN, TURN));
         let standoff = Pose {

@@ -34,6 +34,8 @@
 //!
 //! All random choices come from the seed in the options: same input, same seed, same plan, for any number of threads.
 
+#![cfg_attr(test, allow(clippy::disallowed_methods))]
+
 pub mod candidates;
 pub mod choose;
 pub mod collision;

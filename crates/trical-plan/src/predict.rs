@@ -4,7 +4,7 @@
 
 use nalgebra::{DMatrix, DVector, Vector3};
 use rand::RngExt;
-use trical_model::{Forward, Joints, Measured, State};
+use trical_model::{Forward, Joints, Measured, State, trig};
 
 use crate::random::generator;
 
@@ -118,7 +118,7 @@ pub fn predicted_error(
         let x = DVector::from_fn(kept.len(), |_, _| {
             // Box and Muller
             let (u, v) = (1.0 - rng.random::<f64>(), rng.random::<f64>());
-            (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
+            (-2.0 * libm::log(u)).sqrt() * trig::cos(std::f64::consts::TAU * v)
         });
         let e = &moves * x;
         sum += (0..poses).map(|i| e.rows(3 * i, 3).norm()).sum::<f64>() / count;

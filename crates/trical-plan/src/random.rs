@@ -4,6 +4,7 @@ use nalgebra::Matrix3;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use trical_model::pose::{rotation_from_quaternion, rotation_x, rotation_y, rotation_z};
+use trical_model::trig;
 
 /// A generator for one purpose: `stream` and `index` tell it from all others of the same seed.
 #[must_use]
@@ -27,13 +28,13 @@ pub(crate) fn any_rotation(rng: &mut Pcg64Mcg) -> Matrix3<f64> {
     let u: [f64; 3] = std::array::from_fn(|_| rng.random::<f64>());
     let (r1, r2) = ((1.0 - u[0]).sqrt(), u[0].sqrt());
     let (t1, t2) = (std::f64::consts::TAU * u[1], std::f64::consts::TAU * u[2]);
-    rotation_from_quaternion([t2.cos() * r2, t1.sin() * r1, t1.cos() * r1, t2.sin() * r2])
+    rotation_from_quaternion([trig::cos(t2) * r2, trig::sin(t1) * r1, trig::cos(t1) * r1, trig::sin(t2) * r2])
 }
 
 /// Axes of a tool in {w} whose z axis is within `tilt` of straight down, uniform over that cap, turned about it by an angle
 /// within `spin`, rad.
 pub(crate) fn downward(rng: &mut Pcg64Mcg, tilt: f64, spin: [f64; 2]) -> Matrix3<f64> {
-    let lean = uniform(rng, tilt.cos(), 1.0).clamp(-1.0, 1.0).acos();
+    let lean = libm::acos(uniform(rng, trig::cos(tilt), 1.0).clamp(-1.0, 1.0));
     let around = uniform(rng, -std::f64::consts::PI, std::f64::consts::PI);
     let turn = uniform(rng, spin[0], spin[1]);
     // half a turn about x points z down; the azimuth is taken back so that the spin alone says how the device is turned

@@ -79,7 +79,7 @@ impl Solid {
         let frame = Pose { rotation: Matrix3::from_columns(&[x, y, x.cross(&y)]), translation: (from + to) * 0.5 };
         Some(Self {
             centre: frame.translation,
-            bound: (height * 0.5).hypot(radius),
+            bound: libm::hypot(height * 0.5, radius),
             core: Core::Cylinder(frame, height * 0.5, radius),
             radius: 0.0,
         })

@@ -5,7 +5,7 @@ use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use trical_model::pose::rotation_z;
-use trical_model::{Joints, MAX_JOINTS, Pose, State, inverse_kinematics};
+use trical_model::{Joints, MAX_JOINTS, Pose, State, inverse_kinematics, trig};
 
 use crate::collision::{CollisionModel, MotionWorkspace};
 use crate::error::{PlanError, Result};
@@ -90,9 +90,9 @@ pub fn poses_in_sphere(
         // uniform in the ball: radius by the cube root
         let z = uniform(rng, -1.0, 1.0);
         let around = uniform(rng, -std::f64::consts::PI, std::f64::consts::PI);
-        let r = radius * rng.random::<f64>().cbrt();
+        let r = radius * libm::cbrt(rng.random::<f64>());
         let s = (1.0 - z * z).sqrt();
-        let place = centre + V3::new(s * around.cos(), s * around.sin(), z) * r;
+        let place = centre + V3::new(s * trig::cos(around), s * trig::sin(around), z) * r;
         take(model, &place, options, rng, scratch)
     })
 }

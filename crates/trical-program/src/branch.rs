@@ -6,7 +6,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-use trical_model::{JointKind, Joints, Robot};
+use trical_model::{JointKind, Joints, Robot, trig};
 
 /// What the text of a target demands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -82,14 +82,14 @@ impl Branches {
     pub fn of(robot: &Robot) -> Self {
         let j = &robot.joints;
         let revolute = j.len() == 6 && j.iter().all(|j| j.kind == JointKind::Revolute);
-        let parallel = revolute && j[2].alpha.sin().abs() < 1e-6 && j[2].a.abs() > 1e-6;
+        let parallel = revolute && trig::sin(j[2].alpha).abs() < 1e-6 && j[2].a.abs() > 1e-6;
         Self {
             elbow: parallel.then(|| Elbow {
                 offset: [j[1].theta_offset, j[2].theta_offset],
                 a1: j[1].a,
                 a2: j[2].a,
-                fold: j[2].alpha.cos(),
-                wrist: [j[3].a, -j[3].alpha.sin() * j[3].d],
+                fold: trig::cos(j[2].alpha),
+                wrist: [j[3].a, -trig::sin(j[3].alpha) * j[3].d],
             }),
             spherical: parallel && j[4].a.abs() < 1e-9 && j[4].d.abs() < 1e-9,
             dof: j.len(),
@@ -105,7 +105,7 @@ impl Branches {
     fn front(&self, q: &Joints) -> Option<f64> {
         let e = self.elbow.filter(|_| self.spherical)?;
         let ahead = |q: &Joints| {
-            let (s, c) = (q[1] + e.offset[0]).sin_cos();
+            let (s, c) = trig::sin_cos(q[1] + e.offset[0]);
             e.a1 + c * (e.a2 + e.along(q)) - s * e.fold * e.across(q)
         };
         Some(ahead(q) * ahead(&Joints::default()).signum())
@@ -180,7 +180,7 @@ impl Branches {
     pub fn changed(&self, old: &Joints, new: &Joints) -> Option<&'static str> {
         let flips = |a: f64, b: f64| a * b < 0.0 && (a - b).abs() > SAME;
         let both = |a: Option<f64>, b: Option<f64>| a.zip(b).is_some_and(|(a, b)| flips(a, b));
-        if self.elbow.is_some() && flips(old[4].sin(), new[4].sin()) {
+        if self.elbow.is_some() && flips(trig::sin(old[4]), trig::sin(new[4])) {
             Some("the wrist flips (joint 5 passes zero)")
         } else if both(self.elbow(old), self.elbow(new)) {
             Some("the elbow passes its stretched position")
@@ -194,18 +194,18 @@ impl Branches {
 
 impl Elbow {
     fn along(&self, q: &Joints) -> f64 {
-        let (s, c) = (q[2] + self.offset[1]).sin_cos();
+        let (s, c) = trig::sin_cos(q[2] + self.offset[1]);
         c * self.wrist[0] - s * self.wrist[1]
     }
 
     fn across(&self, q: &Joints) -> f64 {
-        let (s, c) = (q[2] + self.offset[1]).sin_cos();
+        let (s, c) = trig::sin_cos(q[2] + self.offset[1]);
         s * self.wrist[0] + c * self.wrist[1]
     }
 
     /// Value of joint 3 at which the arm is stretched out.
     fn stretched(&self) -> f64 {
-        let theta = (-self.wrist[1]).atan2(self.wrist[0]);
+        let theta = libm::atan2(-self.wrist[1], self.wrist[0]);
         theta - self.offset[1] + if self.a2 < 0.0 { PI } else { 0.0 }
     }
 }

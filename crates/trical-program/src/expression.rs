@@ -4,6 +4,7 @@
 //! In KRL, integers divide to integers: 5/2 is 2.
 
 use std::collections::HashMap;
+use trical_model::trig;
 
 use crate::scan::{Scan, hashed, hashed_as_written};
 use crate::text::{Cursor, Span};
@@ -196,8 +197,8 @@ impl Constants {
             b"r2d" => Some(x.to_degrees()),
             b"sqrt" => Some(x.sqrt()),
             b"abs" => Some(x.abs()),
-            b"sin" => Some(angle.sin()),
-            b"cos" => Some(angle.cos()),
+            b"sin" => Some(trig::sin(angle)),
+            b"cos" => Some(trig::cos(angle)),
             _ => None,
         }
     }

@@ -36,6 +36,8 @@
 //! | [`rewriting`] | a program in memory, with a [`report`] |
 //! | [`file`], `folders` | the same from file to file; the files beside a program |
 
+#![cfg_attr(test, allow(clippy::disallowed_methods))]
+
 pub mod branch;
 pub mod compensation;
 pub mod dialects;

@@ -17,6 +17,8 @@
 //! | [`study`], [`places`] | whole calibrations by simulation; what places of sockets are worth |
 //! | [`table`] | tables and paragraphs for a terminal |
 
+#![allow(clippy::disallowed_methods, reason = "what is drawn and told needs no more digits than anybody sees")]
+
 pub mod arm_map;
 pub mod blindness;
 pub mod certificate;

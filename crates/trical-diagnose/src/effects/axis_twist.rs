@@ -1,7 +1,7 @@
 //! Near-parallel axes are twisted against each other about y: Hayati's beta, which the four parameters of Denavit and Hartenberg lack
 //! (Hayati and Mirmirani 1985).
 
-use trical_model::{Basis, Parameter, Place, Scope, Site};
+use trical_model::{Basis, Parameter, Place, Scope, Site, trig};
 
 use super::effect::{Asked, Effect, Family, Remedy, Size, deg};
 use crate::covariates::Covariates;
@@ -25,7 +25,7 @@ pub const EFFECT: Effect = Effect {
 };
 
 fn ask(r: &Covariates<'_>) -> Asked {
-    let near_parallel = |link: &usize| r.model.robot.joints[*link].alpha.sin().abs() < 0.1;
+    let near_parallel = |link: &usize| trig::sin(r.model.robot.joints[*link].alpha).abs() < 0.1;
     let of = |link| {
         EFFECT.candidate(
             Place::Joint(link + 1),

@@ -65,8 +65,8 @@ fn wobble(joint: usize, k: u8, pivot: Pivot) -> Candidate {
 /// the first. Coefficients: sine and cosine of the tilt about x, then about y.
 fn is_no_twist(c: &[f64]) -> bool {
     let [xs, xc, ys, yc] = c else { return true };
-    let with = (xc + ys).hypot(yc - xs);
-    let against = (xc - ys).hypot(yc + xs);
+    let with = libm::hypot(xc + ys, yc - xs);
+    let against = libm::hypot(xc - ys, yc + xs);
     with <= 2.5 * against
 }
 

@@ -44,5 +44,5 @@ pub fn ripple(joint: usize, cycles: f64, joints: usize) -> Candidate {
         vec![part("sine", Shape::Sine { cycles }), part("cosine", Shape::Cosine { cycles })],
     );
     let ways = (EffectId::ALL.len() * joints) as f64 * f64::from(to - from + 1);
-    Candidate { log_prior: -ways.ln(), ..candidate }
+    Candidate { log_prior: -libm::log(ways), ..candidate }
 }

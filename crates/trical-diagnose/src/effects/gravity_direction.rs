@@ -46,7 +46,7 @@ fn ask(r: &Covariates<'_>) -> Asked {
 
 /// A base is a little off level, or stands on a wall of which the cell file says nothing: none leans as a roof does. What pulls the arm aside does so.
 fn is_of_a_base(gravity: &[f64]) -> bool {
-    let lean = gravity.iter().fold(0.0_f64, |sum, g| sum.hypot(*g)) / G;
+    let lean = gravity.iter().fold(0.0_f64, |sum, g| libm::hypot(sum, *g)) / G;
     !(deg(5.0)..0.5).contains(&lean)
 }
 

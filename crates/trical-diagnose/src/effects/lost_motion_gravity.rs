@@ -53,7 +53,7 @@ fn ask(r: &Covariates<'_>) -> Asked {
                 vec![(format!("half_gap_gravity_{joint}"), Site::Joint { joint }, basis, 1)],
             );
             let odds = if scale >= SOFTEST.0 * load { SOFTEST.1 } else { 1.0 };
-            out.push(Candidate { log_prior: odds.ln(), ..candidate });
+            out.push(Candidate { log_prior: libm::log(odds), ..candidate });
         }
     }
     out.into()

@@ -5,11 +5,9 @@
 
 use std::ops::Range;
 
-use faer::linalg::matmul::matmul;
-use faer::linalg::matmul::triangular::{self, BlockStructure};
-use faer::{Accum, Mat, MatRef, Par};
 use rayon::prelude::*;
 use trical_ident::dataset::Dataset;
+use trical_ident::dense::{Mat, View};
 use trical_ident::error::Result;
 use trical_ident::known::Known;
 use trical_ident::noise::Noise;
@@ -81,7 +79,7 @@ pub(crate) struct Linear {
     /// Standard deviation (0 for rotations, which have no part in position errors) and observation of each row.
     pub sigma_of_row: Vec<(f64, usize)>,
     /// Derivatives to the fitted parameters, `rows x parameters`.
-    pub jacobian: Mat<f64>,
+    pub jacobian: Mat,
     /// What is known of these beforehand.
     pub(super) priors: Vec<PriorRow>,
     /// First row of each observation, and one past the last.
@@ -97,10 +95,10 @@ pub(crate) struct Linear {
     /// Family of each place.
     family: Vec<usize>,
     /// Unit direction of what the motion of each family does, `rows x families`.
-    directions: Mat<f64>,
+    directions: Mat,
     /// Columns that are not one motion scaled by a number in each row, all rows, and by place which of them it is. What `says` and `directions` have for them is
     /// zero.
-    whole: Mat<f64>,
+    whole: Mat,
     whole_of: Vec<Option<usize>>,
 }
 
@@ -197,12 +195,12 @@ impl Linear {
             }
             for (k, column) in whole.iter().enumerate() {
                 let rows = weighted(forward.column(own + column, &o.measured, &ws));
-                all.whole.col_as_slice_mut(k)[row..row + n].copy_from_slice(&rows[..n]);
+                all.whole.col_mut(k)[row..row + n].copy_from_slice(&rows[..n]);
             }
             for (column, weights) in &weights {
                 says[all.place[*column]] *= weights[index];
                 if let Some(k) = all.whole_of[all.place[*column]] {
-                    all.whole.col_as_slice_mut(k)[row..row + n].iter_mut().for_each(|v| *v *= weights[index]);
+                    all.whole.col_mut(k)[row..row + n].iter_mut().for_each(|v| *v *= weights[index]);
                 }
             }
             row += n;
@@ -232,10 +230,10 @@ impl Linear {
     pub fn column(&self, column: usize, out: &mut [f64]) {
         let at = self.place[column];
         if let Some(whole) = self.whole_of[at] {
-            out.copy_from_slice(self.whole.col_as_slice(whole));
+            out.copy_from_slice(self.whole.col(whole));
             return;
         }
-        let direction = self.directions.col_as_slice(self.family[at]);
+        let direction = self.directions.col(self.family[at]);
         for (i, rows) in self.first_row.windows(2).enumerate() {
             let says = self.says[i * self.width + at];
             for (v, d) in out[rows[0]..rows[1]].iter_mut().zip(&direction[rows[0]..rows[1]]) {
@@ -245,33 +243,33 @@ impl Linear {
     }
 
     /// All columns after the filter, `rows x width`.
-    pub fn columns(&self) -> Mat<f64> {
+    pub fn columns(&self) -> Mat {
         self.filtered(0..self.width)
     }
 
     /// Some columns after the filter.
-    fn filtered(&self, columns: impl ExactSizeIterator<Item = usize>) -> Mat<f64> {
+    fn filtered(&self, columns: impl ExactSizeIterator<Item = usize>) -> Mat {
         let mut all = Mat::zeros(self.rows(), columns.len());
         for (k, column) in columns.enumerate() {
-            self.column(column, all.col_as_slice_mut(k));
+            self.column(column, all.col_mut(k));
         }
         self.filter.apply_to_all(&mut all);
         all
     }
 
     /// `(WX)'Y` of all columns `X`, `width x k`, for `rows x k` numbers.
-    pub fn products(&self, mut with: Mat<f64>) -> Mat<f64> {
+    pub fn products(&self, mut with: Mat) -> Mat {
         if self.filter.works() {
-            (0..with.ncols()).for_each(|j| self.filter.apply_transposed(with.col_as_slice_mut(j)));
+            (0..with.ncols()).for_each(|j| self.filter.apply_transposed(with.col_mut(j)));
         }
         self.products_with(&with, |family, column, out| {
-            let of = (self.directions.col_as_slice(family), with.col_as_slice(column));
+            let of = (self.directions.col(family), with.col(column));
             self.in_each_observation(of, out);
         })
     }
 
     /// `(WX)'WY` of all columns `X`, `width x k`, for some of them.
-    pub fn products_of(&self, columns: &[usize]) -> Mat<f64> {
+    pub fn products_of(&self, columns: &[usize]) -> Mat {
         let rows = self.filtered(columns.iter().copied());
         if self.filter.works() {
             return self.products(rows);
@@ -284,7 +282,7 @@ impl Linear {
         let common: Vec<Vec<f64>> = (0..sources.len() * families)
             .into_par_iter()
             .map(|k| {
-                let of = [sources[k / families], k % families].map(|family| self.directions.col_as_slice(family));
+                let of = [sources[k / families], k % families].map(|family| self.directions.col(family));
                 let mut out = vec![0.0; self.first_row.len() - 1];
                 self.in_each_observation((of[0], of[1]), &mut out);
                 out
@@ -305,7 +303,7 @@ impl Linear {
                 }
             }
             None => {
-                let of = (self.directions.col_as_slice(family), rows.col_as_slice(column));
+                let of = (self.directions.col(family), rows.col(column));
                 self.in_each_observation(of, out);
             }
         })
@@ -319,9 +317,9 @@ impl Linear {
     }
 
     /// As [`Linear::products`]; `along` gives the inner products of a column of `with` with a family's direction in each observation.
-    fn products_with(&self, with: &Mat<f64>, along: impl Fn(usize, usize, &mut [f64]) + Sync) -> Mat<f64> {
+    fn products_with(&self, with: &Mat, along: impl Fn(usize, usize, &mut [f64]) + Sync) -> Mat {
         let k = with.ncols();
-        let mut all = Mat::<f64>::zeros(self.width, k);
+        let mut all = Mat::zeros(self.width, k);
         let pieces: Vec<(usize, Range<usize>)> = (0..self.families.len())
             .flat_map(|f| {
                 let (first, end) = self.families[f];
@@ -336,21 +334,20 @@ impl Linear {
         }
         for first in (0..k).step_by(BATCH) {
             let some = first..k.min(first + BATCH);
-            let products: Vec<Mat<f64>> = pieces
+            let products: Vec<Mat> = pieces
                 .par_iter()
                 .map(|(family, places)| {
                     self.piece(places.clone(), some.clone(), &|column, out| along(*family, column, out))
                 })
                 .collect();
             for (j, column) in some.enumerate() {
-                for (v, at) in all.col_as_slice_mut(column).iter_mut().zip(&self.place) {
+                for (v, at) in all.col_mut(column).iter_mut().zip(&self.place) {
                     let (piece, k) = by_place[*at];
                     *v = products[piece][(k, j)];
                 }
             }
         }
-        let mut whole = Mat::<f64>::zeros(self.whole.ncols(), k);
-        matmul(whole.as_mut(), Accum::Replace, self.whole.transpose(), with.as_ref(), 1.0, Par::Seq);
+        let whole = self.whole.transpose() * with;
         for (column, at) in self.place.iter().enumerate() {
             if let Some(row) = self.whole_of[*at] {
                 for j in 0..k {
@@ -362,17 +359,14 @@ impl Linear {
     }
 
     /// Products of some places of a family with some columns.
-    fn piece(&self, places: Range<usize>, some: Range<usize>, along: &dyn Fn(usize, &mut [f64])) -> Mat<f64> {
+    fn piece(&self, places: Range<usize>, some: Range<usize>, along: &dyn Fn(usize, &mut [f64])) -> Mat {
         let observations = self.first_row.len() - 1;
-        let mut numbers = Mat::<f64>::zeros(observations, some.len());
+        let mut numbers = Mat::zeros(observations, some.len());
         for (j, column) in some.enumerate() {
-            along(column, numbers.col_as_slice_mut(j));
+            along(column, numbers.col_mut(j));
         }
-        let mut out = Mat::<f64>::zeros(places.len(), numbers.ncols());
-        let says = MatRef::from_row_major_slice(&self.says, observations, self.width);
-        let says = says.subcols(places.start, places.len());
-        matmul(out.as_mut(), Accum::Replace, says.transpose(), numbers.as_ref(), 1.0, Par::Seq);
-        out
+        let says = View::of_rows(&self.says, observations, self.width).columns(places.start, places.len());
+        says.transpose() * &numbers
     }
 
     /// Inner products of the columns of each span with each other after the filter: row by row of the lower triangle, diagonal included.
@@ -393,12 +387,12 @@ impl Linear {
             Mat::from_fn(observations, all.len(), |o, k| self.says[o * self.width + self.place[all.start + k]])
         };
         let between = |i: usize, j: usize| -> f64 {
-            let products = columns.col_as_slice(i).iter().zip(columns.col_as_slice(j)).map(|(a, b)| a * b);
+            let products = columns.col(i).iter().zip(columns.col(j)).map(|(a, b)| a * b);
             let [a, b] = [i, j].map(|k| self.family[self.place[all.start + k]]);
             if any_whole || a == b {
                 return products.sum();
             }
-            let [u, v] = [a, b].map(|family| self.directions.col_as_slice(family));
+            let [u, v] = [a, b].map(|family| self.directions.col(family));
             let common = |o: usize| (self.first_row[o]..self.first_row[o + 1]).map(|r| u[r] * v[r]).sum::<f64>();
             products.enumerate().map(|(o, product)| product * common(o)).sum()
         };
@@ -411,15 +405,10 @@ impl Linear {
 }
 
 /// `X'X`.
-pub(super) fn gram(x: &Mat<f64>) -> Mat<f64> {
-    let mut all = Mat::<f64>::zeros(x.ncols(), x.ncols());
-    let (lower, whole) = (BlockStructure::TriangularLower, BlockStructure::Rectangular);
-    triangular::matmul(all.as_mut(), lower, Accum::Replace, x.transpose(), whole, x, whole, 1.0, Par::Seq);
-    for j in 0..all.ncols() {
-        for i in j + 1..all.ncols() {
-            all[(j, i)] = all[(i, j)];
-        }
-    }
+pub(super) fn gram(x: &Mat) -> Mat {
+    let mut all = Mat::zeros(x.ncols(), x.ncols());
+    all.add_square(x.view());
+    all.mirror();
     all
 }
 

@@ -2,9 +2,8 @@
 
 use std::sync::{Arc, OnceLock};
 
-use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, Par};
 use trical_ident::dataset::Dataset;
+use trical_ident::dense::{Mat, dot, orthonormal};
 use trical_ident::error::Result;
 use trical_ident::noise::Noise;
 use trical_model::Model;
@@ -32,9 +31,9 @@ pub struct Design {
     /// 1 / (prior standard deviation)^2 of every coefficient.
     pub(super) precision: Vec<f64>,
     /// `Q'X` of all columns, one row for each column that was fitted.
-    pub(super) projected: Mat<f64>,
+    pub(super) projected: Mat,
     /// `X'X - (Q'X)'(Q'X)` of all columns with those of a candidate, `width x k`, from when it is first asked for.
-    pub(super) grams: Vec<OnceLock<Mat<f64>>>,
+    pub(super) grams: Vec<OnceLock<Mat>>,
     /// Of each column with itself, and of the columns of each candidate with each other (see `state`).
     pub(super) left: Vec<f64>,
     pub(super) beside: Vec<f64>,
@@ -96,36 +95,30 @@ impl Design {
         linear.filter.apply(&mut residual);
         let priors = &linear.priors;
         let all_rows = rows + priors.len();
-        jacobian.resize_with(
-            all_rows,
-            p,
-            |i, j| if priors[i - rows].column == j { priors[i - rows].weight } else { 0.0 },
-        );
+        let of_prior = |i: usize, j: usize| if priors[i].column == j { priors[i].weight } else { 0.0 };
+        let with_priors = |i: usize, j: usize| i.checked_sub(rows).map_or_else(|| jacobian[(i, j)], |k| of_prior(k, j));
+        let jacobian = Mat::from_fn(all_rows, p, with_priors);
         residual.extend(priors.iter().map(|prior| prior.residual));
-        let qr = jacobian.qr();
-        let of_parameters = (0..p).map(|j| qr.R()[(j, j)].abs().max(1e-300).ln()).sum();
-        let q = qr.compute_thin_Q();
-        let mut basis = Mat::from_fn(all_rows, p + 1, |i, j| if j < p { q[(i, j)] } else { residual[i] });
+        let (q, r) = orthonormal(jacobian);
+        let of_parameters = (0..p).map(|j| libm::log(r[(j, j)].abs().max(1e-300))).sum();
         for _ in 0..2 {
-            for j in 0..p {
-                let column = q.col_as_slice(j);
-                let r = basis.col_as_slice_mut(p);
-                let d: f64 = column.iter().zip(&*r).map(|(q, r)| q * r).sum();
-                for (v, q) in r.iter_mut().zip(column) {
+            for column in (0..p).map(|j| q.col(j)) {
+                let d = dot(column, &residual);
+                for (v, q) in residual.iter_mut().zip(column) {
                     *v -= d * q;
                 }
             }
         }
-        let ss = basis.col_as_slice(p).iter().map(|v| v * v).sum();
-        let by_priors = q.get(rows.., ..).squared_norm_l2();
-        basis.resize_with(rows, p + 1, |_, _| 0.0);
+        let ss = dot(&residual, &residual);
+        let by_priors: f64 = (0..p).map(|j| dot(&q.col(j)[rows..], &q.col(j)[rows..])).sum();
+        let basis = Mat::from_fn(rows, p + 1, |i, j| if j < p { q[(i, j)] } else { residual[i] });
         let columns = (width <= FEW).then(|| linear.columns());
         let products = match &columns {
             Some(x) => x.transpose() * &basis,
             None => linear.products(basis),
         };
         let projected = Mat::from_fn(p, width, |i, a| products[(a, i)]);
-        let b = products.col_as_slice(p).to_vec();
+        let b = products.col(p).to_vec();
 
         let all = columns.as_ref().map(gram);
         let among: Vec<Vec<f64>> = match &all {
@@ -139,8 +132,7 @@ impl Design {
             let mut products = among.iter();
             for i in *from..*to {
                 for (j, product) in (*from..=i).zip(&mut products) {
-                    let known: f64 =
-                        projected.col_as_slice(i).iter().zip(projected.col_as_slice(j)).map(|(a, b)| a * b).sum();
+                    let known: f64 = projected.col(i).iter().zip(projected.col(j)).map(|(a, b)| a * b).sum();
                     if i == j {
                         squares.push(*product);
                         left.push(product - known);
@@ -204,20 +196,20 @@ impl Design {
     }
 
     /// Keeps inner products of all columns with those of some candidates, `width x k`, after projection.
-    fn keep(&self, set: &[usize], mut products: Mat<f64>) {
+    fn keep(&self, set: &[usize], mut products: Mat) {
         let columns: Vec<usize> = set.iter().flat_map(|c| self.spans[*c].0..self.spans[*c].1).collect();
         let known = Mat::from_fn(self.projected.nrows(), columns.len(), |i, j| self.projected[(i, columns[j])]);
-        matmul(products.as_mut(), Accum::Add, self.projected.transpose(), known.as_ref(), -1.0, Par::Seq);
+        products.add_product(-1.0, self.projected.transpose(), &known);
         let mut at = 0;
         for c in set {
             let k = self.spans[*c].1 - self.spans[*c].0;
-            self.grams[*c].get_or_init(|| products.subcols(at, k).to_owned());
+            self.grams[*c].get_or_init(|| products.view().columns(at, k).to_owned());
             at += k;
         }
     }
 
     /// Inner products of all columns with those of a candidate, `width x k`.
-    pub(super) fn gram(&self, candidate: usize) -> &Mat<f64> {
+    pub(super) fn gram(&self, candidate: usize) -> &Mat {
         if self.grams[candidate].get().is_none() {
             self.prepare(&[candidate]);
         }
@@ -230,12 +222,12 @@ impl Design {
     pub fn nats(&self, temper: f64) -> f64 {
         let freedom = (self.rows as f64 * temper - self.parameters).max(1.0);
         let of_noise = self.linear.as_ref().map_or(0.0, |l| l.filter.log_determinant());
-        -0.5 * (freedom * self.ss.ln() + temper * of_noise) - self.of_parameters
+        -0.5 * (freedom * libm::log(self.ss) + temper * of_noise) - self.of_parameters
     }
 }
 
 /// Products of the columns `from..to` with each other: row by row of the lower triangle, diagonal included.
-fn lower(products: &Mat<f64>, from: usize, to: usize) -> Vec<f64> {
+fn lower(products: &Mat, from: usize, to: usize) -> Vec<f64> {
     (from..to).flat_map(|i| (from..=i).map(move |j| products[(i, j)])).collect()
 }
 

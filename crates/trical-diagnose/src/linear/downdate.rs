@@ -5,10 +5,8 @@
 //! `Z` are the rows `o` of `L^-T W` and `M` the rows and columns `o` of `(L L')^-1`: taking out costs what adding one column
 //! costs, not what adding all the others does.
 
-use faer::linalg::matmul::matmul;
-use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
-use faer::{Accum, Mat, Par};
 use rayon::prelude::*;
+use trical_ident::dense::{Mat, solve_lower};
 
 use super::design::Design;
 use super::state::{Part, RegressionState, cholesky, forward_substitution, lengths};
@@ -22,8 +20,8 @@ pub struct Downdate<'a> {
     /// Which columns the set added, in order.
     columns: Vec<usize>,
     /// `L^-1`, and `Z'` with all columns in `o`, `width x m`.
-    inverse: Mat<f64>,
-    z: Mat<f64>,
+    inverse: Mat,
+    z: Mat,
     /// The residual's parts along the columns that were added.
     d: Vec<f64>,
     /// What the full state leaves of the inner products of candidates that are not in the set, `width x k`, by candidate.
@@ -46,14 +44,13 @@ impl<'a> Downdate<'a> {
         let (added, parts) = (&full.added[start.added.len()..], &full.parts[start.parts.len()..]);
         let m = added.len();
         let l = lengths(added, parts);
-        let mut inverse = Mat::<f64>::identity(m, m);
-        solve_lower_triangular_in_place(l.as_ref(), inverse.as_mut(), Par::Seq);
-        let mut w = Mat::<f64>::zeros(design.width, m);
+        let mut inverse = Mat::identity(m);
+        solve_lower(&l, &mut inverse);
+        let mut w = Mat::zeros(design.width, m);
         for (k, part) in parts.iter().enumerate() {
-            w.col_as_slice_mut(k).copy_from_slice(&part.w);
+            w.col_mut(k).copy_from_slice(&part.w);
         }
-        let mut z = Mat::<f64>::zeros(design.width, m);
-        matmul(z.as_mut(), Accum::Replace, w.as_ref(), inverse.as_ref(), 1.0, Par::Seq);
+        let z = &w * &inverse;
         let (columns, d) = added.iter().map(|a| (a.column, a.d)).unzip();
         Self { design, start, set, columns, d, full, inverse, z, others: Vec::new() }
     }
@@ -82,7 +79,7 @@ impl<'a> Downdate<'a> {
             return Downdated { state: self.design.with(self.start, &others), common: 0 };
         }
         let k = out.len();
-        let of = |i: usize| self.inverse.col_as_slice(out[i]);
+        let of = |i: usize| self.inverse.col(out[i]);
         let m: Vec<f64> = (0..k * k).map(|at| of(at / k).iter().zip(of(at % k)).map(|(a, b)| a * b).sum()).collect();
         let l = cholesky(&m, k);
         let along: Vec<f64> = (0..k).map(|i| of(i).iter().zip(&self.d).map(|(a, d)| a * d).sum()).collect();
@@ -90,7 +87,7 @@ impl<'a> Downdate<'a> {
         let mut state = self.full.clone();
         let mut ws: Vec<Vec<f64>> = Vec::with_capacity(k);
         for i in 0..k {
-            let mut w = self.z.col_as_slice(out[i]).to_vec();
+            let mut w = self.z.col(out[i]).to_vec();
             for (j, other) in ws.iter().enumerate() {
                 let factor = l[i * k + j];
                 w.iter_mut().zip(other).for_each(|(x, y)| *x -= factor * y);

@@ -9,11 +9,8 @@
 //! `S = I + X_t H^-1 X_t'`, less `E[:, o] H^-1[o, o]^-1 E[:, o]'` for what is taken out, plus the same of what is added. Log scores are those of this
 //! density (Gneiting & Raftery 2007): where nothing like a block was visited, a fit that is far off is no surprise.
 
-use faer::linalg::matmul::matmul;
-use faer::linalg::solvers::{DenseSolveCore, Solve};
-use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
-use faer::{Accum, Mat, MatRef, Par, Side};
 use rayon::prelude::*;
+use trical_ident::dense::{Cholesky, Mat, View, solve_lower};
 
 use super::columns::{Linear, gram};
 use super::design::Design;
@@ -34,7 +31,7 @@ pub struct Partition<'a> {
     /// Rows of each part.
     rows: Vec<Vec<usize>>,
     /// All columns, scaled, in the rows of each part.
-    columns: Vec<Mat<f64>>,
+    columns: Vec<Mat>,
     /// Products of the columns, and with the residual, over each part.
     sums: Vec<Sums>,
     /// The same over all rows, and of the push also what is known beforehand.
@@ -45,8 +42,8 @@ pub struct Partition<'a> {
 
 /// Products of the columns with each other, and with the residual.
 struct Sums {
-    gram: Mat<f64>,
-    push: Mat<f64>,
+    gram: Mat,
+    push: Mat,
 }
 
 /// Rows of one block in a part, and Cholesky's factor of the covariance with which the whole set predicts them.
@@ -54,7 +51,7 @@ struct Block {
     part: usize,
     block: usize,
     rows: Vec<usize>,
-    factor: Mat<f64>,
+    factor: Mat,
 }
 
 /// How well a joint fit in parts knows the blocks that it predicts.
@@ -68,9 +65,9 @@ pub struct Predictive {
 /// The rows of a part as they are predicted, and how their covariance differs from that of the whole set, in whose measure they are, or, if
 /// they are predicted `anew`, from `I`: by `- out out' + added added'`.
 struct Predicted {
-    left: Mat<f64>,
-    out: Mat<f64>,
-    added: Mat<f64>,
+    left: Mat,
+    out: Mat,
+    added: Mat,
     anew: bool,
 }
 
@@ -83,8 +80,8 @@ enum Asked {
 
 /// A fit to the rows of the other parts.
 struct Fit {
-    inverse: Mat<f64>,
-    x: Mat<f64>,
+    inverse: Mat,
+    x: Mat,
     tested: Tested,
 }
 
@@ -92,9 +89,9 @@ struct Fit {
 #[derive(Clone)]
 struct Tested {
     /// `X_t H^-1`.
-    hat: Mat<f64>,
+    hat: Mat,
     /// Residual.
-    left: Mat<f64>,
+    left: Mat,
 }
 
 /// A candidate beside the set.
@@ -106,10 +103,10 @@ struct Added {
 
 /// Its scaled columns in the rows of a part, and their products there: with the set, with each other, with the residual.
 struct Seen {
-    columns: Mat<f64>,
-    with_set: Mat<f64>,
-    with_itself: Mat<f64>,
-    push: Mat<f64>,
+    columns: Mat,
+    with_set: Mat,
+    with_itself: Mat,
+    push: Mat,
 }
 
 impl<'a> Partition<'a> {
@@ -139,7 +136,7 @@ impl<'a> Partition<'a> {
         let n = at;
         let mut entries = vec![0.0; m * n];
         for j in 0..p {
-            entries[j * m..(j + 1) * m].copy_from_slice(linear.jacobian.col_as_slice(j));
+            entries[j * m..(j + 1) * m].copy_from_slice(linear.jacobian.col(j));
         }
         let mut precision = vec![0.0; n];
         for prior in &linear.priors {
@@ -179,7 +176,7 @@ impl<'a> Partition<'a> {
         };
         let sums = |part: usize| {
             let x = &this.columns[part];
-            Sums { gram: gram(x), push: x.transpose() * this.residual_of(part) }
+            Sums { gram: gram(x), push: x.transpose() * &this.residual_of(part) }
         };
         this.sums = (0..count).into_par_iter().map(sums).collect();
         for sums in &this.sums {
@@ -193,12 +190,12 @@ impl<'a> Partition<'a> {
     }
 
     /// Some scaled columns in the rows of a part.
-    fn rows_of(&self, part: usize, columns: &[usize]) -> Mat<f64> {
+    fn rows_of(&self, part: usize, columns: &[usize]) -> Mat {
         Mat::from_fn(self.rows[part].len(), columns.len(), |i, j| self.columns[part][(i, columns[j])])
     }
 
     /// Normal matrix and right side of some columns over the other parts, with their priors' precisions.
-    fn normal(&self, part: usize, columns: &[usize], precision: &[f64]) -> (Mat<f64>, Mat<f64>) {
+    fn normal(&self, part: usize, columns: &[usize], precision: &[f64]) -> (Mat, Mat) {
         let n = columns.len();
         let (whole, own) = (&self.whole, &self.sums[part]);
         let mut h = Mat::from_fn(n, n, |i, j| {
@@ -215,28 +212,27 @@ impl<'a> Partition<'a> {
     fn without_part(&self, part: usize) -> Option<Fit> {
         let all: Vec<usize> = (0..self.scale.len()).collect();
         let (h, g) = self.normal(part, &all, &self.precision);
-        let factor = h.llt(Side::Lower).ok()?;
+        let factor = Cholesky::of(&h)?;
         let (inverse, x) = (factor.inverse(), factor.solve(&g));
         let tested = &self.columns[part];
         let mut left = self.residual_of(part);
-        matmul(left.as_mut(), Accum::Add, tested, x.as_ref(), 1.0, Par::Seq);
-        let mut hat = Mat::<f64>::zeros(tested.nrows(), inverse.ncols());
-        matmul(hat.as_mut(), Accum::Replace, tested, inverse.as_ref(), 1.0, Par::Seq);
+        left.add_product(1.0, tested, &x);
+        let hat = tested * &inverse;
         Some(Fit { inverse, x, tested: Tested { hat, left } })
     }
 
     /// A part's rows by the fit of some columns alone, with these precisions, to the other parts.
     fn predicted_by(&self, part: usize, columns: &[usize], precision: &[f64], asked: Asked) -> Option<Predicted> {
         let (h, g) = self.normal(part, columns, precision);
-        let factor = h.llt(Side::Lower).ok()?;
+        let factor = Cholesky::of(&h)?;
         let rows = self.rows_of(part, columns);
-        let left = self.residual_of(part) + &rows * factor.solve(&g);
+        let left = self.residual_of(part) + &(&rows * &factor.solve(&g));
         let out = Mat::zeros(left.nrows(), 0);
-        Some(Predicted { left, out, added: asked.over_root(rows, factor.L()), anew: true })
+        Some(Predicted { left, out, added: asked.over_root(rows, factor.lower()), anew: true })
     }
 
     /// Residual of a part's rows without any fit.
-    fn residual_of(&self, part: usize) -> Mat<f64> {
+    fn residual_of(&self, part: usize) -> Mat {
         Mat::from_fn(self.rows[part].len(), 1, |i, _| self.linear.residual[self.rows[part][i]])
     }
 
@@ -293,7 +289,7 @@ impl<'a> Partition<'a> {
         }
         let one = |(part, block, rows): (usize, usize, Vec<usize>)| {
             let (hat, x) = (some_rows(&self.fits[part].tested.hat, &rows), some_rows(&self.columns[part], &rows));
-            let factor = identity_and(1.0, hat.as_ref(), x.transpose()).llt(Side::Lower).ok()?.L().to_owned();
+            let factor = Cholesky::of(&identity_and(1.0, hat.view(), x.transpose()))?.lower().clone();
             Some(Block { part, block, rows, factor })
         };
         let blocks: Option<Vec<Block>> = blocks.into_par_iter().map(one).collect();
@@ -311,10 +307,10 @@ impl<'a> Partition<'a> {
     fn added(&self, candidate: usize) -> Added {
         let (from, to) = self.design.span(candidate);
         let k = to - from;
-        let mut columns = Mat::<f64>::zeros(self.linear.rows(), k);
+        let mut columns = Mat::zeros(self.linear.rows(), k);
         let mut precision = Vec::with_capacity(k);
         for a in from..to {
-            let column = columns.col_as_slice_mut(a - from);
+            let column = columns.col_mut(a - from);
             self.linear.column(a, column);
             let square: f64 = column.iter().map(|v| v * v).sum();
             let scale = if square > 0.0 { 1.0 / square.sqrt() } else { 1.0 };
@@ -324,7 +320,7 @@ impl<'a> Partition<'a> {
         let sums = |part: usize| {
             let seen = Mat::from_fn(self.rows[part].len(), k, |i, j| columns[(self.rows[part][i], j)]);
             let (with_set, with_itself) = (self.columns[part].transpose() * &seen, seen.transpose() * &seen);
-            let push = seen.transpose() * self.residual_of(part);
+            let push = seen.transpose() * &self.residual_of(part);
             Seen { columns: seen, with_set, with_itself, push }
         };
         Added { precision, parts: (0..self.rows.len()).map(sums).collect() }
@@ -351,7 +347,7 @@ impl<'a> Partition<'a> {
         asked: Asked,
     ) -> Option<Predicted> {
         let fit = &self.fits[part];
-        let pick = |m: MatRef<'_, f64>| Mat::from_fn(m.nrows(), o.len(), |i, j| m[(i, o[j])]);
+        let pick = |m: &Mat| Mat::from_fn(m.nrows(), o.len(), |i, j| m[(i, o[j])]);
         let none = Mat::zeros(tested.left.nrows(), 0);
         if o.is_empty() && add.is_none() {
             return Some(Predicted { left: tested.left.clone(), out: none.clone(), added: none, anew: false });
@@ -362,17 +358,18 @@ impl<'a> Partition<'a> {
             return self.predicted_by(part, &kept, &self.precision, asked);
         }
         let of_out = Mat::from_fn(o.len(), o.len(), |i, j| fit.inverse[(o[i], o[j])]);
-        let factor = of_out.llt(Side::Lower).ok()?;
+        let factor = Cholesky::of(&of_out)?;
         let x_out = Mat::from_fn(o.len(), 1, |i, _| fit.x[(o[i], 0)]);
         let y = factor.solve(&x_out);
-        let hat_out = pick(tested.hat.as_ref());
-        let mut left = &tested.left - &hat_out * &y;
+        let hat_out = pick(&tested.hat);
+        let mut left = tested.left.clone();
+        left.add_product(-1.0, &hat_out, &y);
         let Some(added) = add else {
-            return Some(Predicted { left, out: asked.over_root(hat_out, factor.L()), added: none, anew: false });
+            return Some(Predicted { left, out: asked.over_root(hat_out, factor.lower()), added: none, anew: false });
         };
         // sums over the rows that are fitted
         let (n, k) = (self.scale.len(), added.precision.len());
-        let (mut a, mut aa, mut ar) = (Mat::<f64>::zeros(n, k), Mat::<f64>::zeros(k, k), Mat::<f64>::zeros(k, 1));
+        let (mut a, mut aa, mut ar) = (Mat::zeros(n, k), Mat::zeros(k, k), Mat::zeros(k, 1));
         for (_, seen) in added.parts.iter().enumerate().filter(|(other, _)| *other != part) {
             a += &seen.with_set;
             aa += &seen.with_itself;
@@ -382,15 +379,20 @@ impl<'a> Partition<'a> {
             aa[(j, j)] += precision;
         }
         // what the set without its members `o` leaves of the new columns
-        let inverse_out = pick(fit.inverse.as_ref());
+        let inverse_out = pick(&fit.inverse);
         let through = factor.solve(&(inverse_out.transpose() * &a));
-        let solved = &fit.inverse * &a - &inverse_out * &through;
-        let x = &fit.x - &inverse_out * &y;
-        let complement = (&aa - a.transpose() * &solved).llt(Side::Lower).ok()?;
-        let push = &ar + a.transpose() * &x;
-        let shown = &added.parts[part].columns - (&tested.hat * &a - &hat_out * &through);
-        left -= &shown * complement.solve(&push);
-        let (out, added) = (asked.over_root(hat_out, factor.L()), asked.over_root(shown, complement.L()));
+        let mut solved = &fit.inverse * &a;
+        solved.add_product(-1.0, &inverse_out, &through);
+        let mut x = fit.x.clone();
+        x.add_product(-1.0, &inverse_out, &y);
+        aa.add_product(-1.0, a.transpose(), &solved);
+        let complement = Cholesky::of(&aa)?;
+        ar.add_product(1.0, a.transpose(), &x);
+        let mut shown = added.parts[part].columns.clone();
+        shown.add_product(-1.0, &tested.hat, &a);
+        shown.add_product(1.0, &hat_out, &through);
+        left.add_product(-1.0, &shown, &complement.solve(&ar));
+        let (out, added) = (asked.over_root(hat_out, factor.lower()), asked.over_root(shown, complement.lower()));
         Some(Predicted { left, out, added, anew: false })
     }
 
@@ -455,8 +457,8 @@ impl Predictive {
 
 impl Block {
     /// Its rows in the measure of its covariance.
-    fn measure(&self, rows: &mut Mat<f64>) {
-        let own = under_root(some_rows(rows, &self.rows), self.factor.as_ref());
+    fn measure(&self, rows: &mut Mat) {
+        let own = under_root(some_rows(rows, &self.rows), &self.factor);
         for j in 0..own.ncols() {
             for (i, row) in self.rows.iter().enumerate() {
                 rows[(*row, j)] = own[(i, j)];
@@ -467,56 +469,56 @@ impl Block {
     fn foreseen(&self, predicted: &Predicted) -> Option<Foreseen> {
         let n = self.rows.len();
         let [r, out, added] = [&predicted.left, &predicted.out, &predicted.added].map(|m| some_rows(m, &self.rows));
-        let before = if predicted.anew { 0.0 } else { log_square(self.factor.as_ref()) };
+        let before = if predicted.anew { 0.0 } else { log_square(&self.factor) };
         let (square, log_covariance) = if n <= out.ncols() + added.ncols() {
-            let mut covariance = identity_and(-1.0, out.as_ref(), out.transpose());
-            matmul(covariance.as_mut(), Accum::Add, &added, added.transpose(), 1.0, Par::Seq);
-            let root = covariance.llt(Side::Lower).ok()?;
-            (under_root(r, root.L()).squared_norm_l2(), log_square(root.L()))
+            let mut covariance = identity_and(-1.0, out.view(), out.transpose());
+            covariance.add_product(1.0, &added, added.transpose());
+            let root = Cholesky::of(&covariance)?;
+            (under_root(r, root.lower()).square(), log_square(root.lower()))
         } else {
-            let of_out = identity_and(-1.0, out.transpose(), out.as_ref()).llt(Side::Lower).ok()?;
-            let under = |m: Mat<f64>| under_root(m, of_out.L());
+            let of_out = Cholesky::of(&identity_and(-1.0, out.transpose(), out.view()))?;
+            let under = |m: Mat| under_root(m, of_out.lower());
             let (a, b) = (under(out.transpose() * &r), under(out.transpose() * &added));
-            let of_added = identity_and(1.0, added.transpose(), added.as_ref()) + b.transpose() * &b;
-            let of_added = of_added.llt(Side::Lower).ok()?;
-            let c = under_root(added.transpose() * &r + b.transpose() * &a, of_added.L());
-            let square = r.squared_norm_l2() + a.squared_norm_l2() - c.squared_norm_l2();
-            (square, log_square(of_out.L()) + log_square(of_added.L()))
+            let of_added = identity_and(1.0, added.transpose(), added.view()) + &(b.transpose() * &b);
+            let of_added = Cholesky::of(&of_added)?;
+            let c = under_root(added.transpose() * &r + &(b.transpose() * &a), of_added.lower());
+            let square = r.square() + a.square() - c.square();
+            (square, log_square(of_out.lower()) + log_square(of_added.lower()))
         };
         Some(Foreseen { rows: n as f64, square, log_covariance: before + log_covariance })
     }
 }
 
-fn some_rows(m: &Mat<f64>, rows: &[usize]) -> Mat<f64> {
+fn some_rows(m: &Mat, rows: &[usize]) -> Mat {
     let mut some = Mat::zeros(rows.len(), m.ncols());
     for j in 0..m.ncols() {
-        let of = m.col_as_slice(j);
-        some.col_as_slice_mut(j).iter_mut().zip(rows).for_each(|(v, row)| *v = of[*row]);
+        let of = m.col(j);
+        some.col_mut(j).iter_mut().zip(rows).for_each(|(v, row)| *v = of[*row]);
     }
     some
 }
 
 /// `I + sign a b`.
-fn identity_and(sign: f64, a: MatRef<'_, f64>, b: MatRef<'_, f64>) -> Mat<f64> {
-    let mut m = Mat::<f64>::identity(a.nrows(), a.nrows());
-    matmul(m.as_mut(), Accum::Add, a, b, sign, Par::Seq);
+fn identity_and(sign: f64, a: View<'_>, b: View<'_>) -> Mat {
+    let mut m = Mat::identity(a.nrows());
+    m.add_product(sign, a, b);
     m
 }
 
 /// `L^-1 m`.
-fn under_root(mut m: Mat<f64>, root: MatRef<'_, f64>) -> Mat<f64> {
-    solve_lower_triangular_in_place(root, m.as_mut(), Par::Seq);
+fn under_root(mut m: Mat, root: &Mat) -> Mat {
+    solve_lower(root, &mut m);
     m
 }
 
 /// `ln det (L L')`.
-fn log_square(root: MatRef<'_, f64>) -> f64 {
-    2.0 * (0..root.nrows()).map(|i| root[(i, i)].ln()).sum::<f64>()
+fn log_square(root: &Mat) -> f64 {
+    2.0 * (0..root.nrows()).map(|i| libm::log(root[(i, i)])).sum::<f64>()
 }
 
 impl Asked {
     /// `m L'^-1`, if the covariance is asked for.
-    fn over_root(self, m: Mat<f64>, root: MatRef<'_, f64>) -> Mat<f64> {
+    fn over_root(self, m: Mat, root: &Mat) -> Mat {
         match self {
             Self::Residuals => Mat::zeros(m.nrows(), 0),
             Self::Covariance => under_root(m.transpose().to_owned(), root).transpose().to_owned(),

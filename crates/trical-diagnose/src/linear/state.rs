@@ -3,10 +3,8 @@
 use std::cmp::Ordering;
 use std::sync::{Arc, OnceLock};
 
-use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
-use faer::{Mat, Par};
 use pulp::Arch;
-use trical_ident::triangle::dot;
+use trical_ident::dense::{Mat, dot, solve_lower_rows};
 
 use super::design::Design;
 use crate::settings::ABSORBED_SHARE;
@@ -66,7 +64,7 @@ pub struct Gain {
 impl Gain {
     /// Of one coefficient, of whose prior's variance the data leave this share.
     fn of_one(dss: f64, share: f64) -> Self {
-        Self { dss, rank: 1.0 - share, occam: -0.5 * share.ln() }
+        Self { dss, rank: 1.0 - share, occam: -0.5 * libm::log(share) }
     }
 }
 
@@ -158,7 +156,7 @@ impl Design {
         }
         let of = |v: &[f64]| kept.iter().map(|a| v[*a]).collect::<Vec<f64>>();
         let beside_of = |v: &[f64]| kept_beside.iter().map(|a| v[*a]).collect::<Vec<f64>>();
-        let grams: Vec<OnceLock<Mat<f64>>> = self.spans.iter().map(|_| OnceLock::new()).collect();
+        let grams: Vec<OnceLock<Mat>> = self.spans.iter().map(|_| OnceLock::new()).collect();
         self.prepare(set);
         for c in set {
             let all = self.gram(*c);
@@ -220,10 +218,9 @@ impl Design {
             }
         }
         let l = lengths(&among.added, &among.parts[start.parts.len()..]);
-        let mut w = Mat::from_fn(self.width, w.len(), |a, k| w[k][a]);
-        solve_lower_triangular_in_place(l.as_ref(), w.transpose_mut(), Par::Seq);
-        for (k, added) in among.added.iter().enumerate() {
-            state.explain(self, Part { w: w.col_as_slice(k).into(), taken_out: false }, added.d);
+        solve_lower_rows(&l, &mut w);
+        for (w, added) in w.into_iter().zip(&among.added) {
+            state.explain(self, Part { w: w.into(), taken_out: false }, added.d);
         }
         (state.ss, state.parameters) = (among.ss, among.parameters);
         state
@@ -233,7 +230,7 @@ impl Design {
     pub(crate) fn orthogonal(&self, parts: &[Part], candidate: usize) -> Vec<Vec<f64>> {
         let (from, to) = self.spans[candidate];
         let gram = self.gram(candidate);
-        let mut left: Vec<Vec<f64>> = (0..gram.ncols()).map(|j| gram.col_as_slice(j).to_vec()).collect();
+        let mut left: Vec<Vec<f64>> = (0..gram.ncols()).map(|j| gram.col(j).to_vec()).collect();
         let columns: Vec<usize> = (from..to).collect();
         Arch::new().dispatch(Orthogonal { w: &mut left, at: &columns, known: parts });
         left
@@ -314,7 +311,7 @@ impl Design {
         for (i, a) in kept.iter().enumerate() {
             let share = self.precision[*a] / l[i * k + i].powi(2);
             gain.rank += 1.0 - share;
-            gain.occam -= 0.5 * share.ln();
+            gain.occam -= 0.5 * libm::log(share);
         }
         Some(gain)
     }
@@ -381,7 +378,7 @@ impl Design {
 }
 
 /// The matrix `L` of columns that were added: their lengths, and below what each of the parts has of those after it.
-pub(crate) fn lengths(added: &[Added], parts: &[Part]) -> Mat<f64> {
+pub(crate) fn lengths(added: &[Added], parts: &[Part]) -> Mat {
     Mat::from_fn(added.len(), added.len(), |j, k| match j.cmp(&k) {
         Ordering::Less => 0.0,
         Ordering::Equal => added[k].norm,

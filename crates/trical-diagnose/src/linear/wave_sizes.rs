@@ -7,8 +7,7 @@
 //! little of a turn was visited, a wave that may be larger than encoders usually show takes the place of a parameter of the arm. Curves of all
 //! joints have one factor: the joints of an arm are of one maker.
 
-use faer::linalg::solvers::{DenseSolveCore, Solve};
-use faer::{Mat, Side};
+use trical_ident::dense::{Cholesky, Mat};
 
 use super::design::Design;
 use crate::candidate::{Candidate, cycles_of};
@@ -26,11 +25,9 @@ impl Design {
     #[must_use]
     pub fn wave_sizes(&self, candidates: &[Candidate], curves: usize) -> Option<Vec<Vec<f64>>> {
         self.prepare(&(0..candidates.len()).collect::<Vec<_>>());
-        let mut gram = Mat::<f64>::zeros(self.width, 0);
-        for c in 0..candidates.len() {
-            let (own, at) = (self.gram(c), gram.ncols());
-            gram.resize_with(self.width, at + own.ncols(), |i, j| own[(i, j - at)]);
-        }
+        let grams = (0..candidates.len()).map(|c| self.gram(c));
+        let columns: Vec<&[f64]> = grams.flat_map(|own| (0..own.ncols()).map(|j| own.col(j))).collect();
+        let gram = Mat::from_fn(self.width, columns.len(), |i, j| columns[j][i]);
         let push = Mat::from_fn(self.width, 1, |i, _| -self.b[i]);
         let waves: Vec<Option<usize>> =
             candidates[..curves].iter().flat_map(|c| c.terms.iter().map(|t| cycles_of(t).map(octave))).collect();
@@ -44,7 +41,7 @@ impl Design {
             for (k, precision) in own.iter().enumerate() {
                 normal[(k, k)] += precision / square(&squares, k);
             }
-            let factor = normal.llt(Side::Lower).ok()?;
+            let factor = Cholesky::of(&normal)?;
             let (x, variance) = (factor.solve(&push), factor.inverse());
             let (mut sizes, mut counts) = (vec![OWN_SIZE_WEIGHT; octaves], vec![OWN_SIZE_WEIGHT; octaves]);
             for (k, octave) in waves.iter().enumerate() {
@@ -53,7 +50,7 @@ impl Design {
                 counts[octave] += 1.0 - (variance[(k, k)] * own[k] / squares[octave]).min(1.0);
             }
             let new: Vec<f64> = sizes.iter().zip(&counts).map(|(s, n)| (s / n).min(1.0)).collect();
-            let change = new.iter().zip(&squares).map(|(a, b)| (a / b).ln().abs()).fold(0.0, f64::max);
+            let change = new.iter().zip(&squares).map(|(a, b)| libm::log(a / b).abs()).fold(0.0, f64::max);
             squares = new;
             if change < SIZE_SETTLED {
                 break;

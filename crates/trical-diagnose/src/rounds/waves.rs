@@ -71,7 +71,7 @@ impl Rounds {
 /// of at least `smallest` and its multiples, and at neighbours that modulate them; they have most of the power of the lines, but for those at powers of two, which are
 /// the encoder's own poles.
 fn of_gear(lines: &[(f64, f64)], smallest: f64) -> Vec<bool> {
-    let is_pole = |n: f64| (n - n.log2().round().exp2()).abs() <= 1.0 && n > SMALLEST_GEAR;
+    let is_pole = |n: f64| (n - libm::exp2(libm::log2(n).round())).abs() <= 1.0 && n > SMALLEST_GEAR;
     let others = || lines.iter().filter(|(n, _)| !is_pole(*n));
     let Some((strongest, _)) = others().max_by(|a, b| a.1.total_cmp(&b.1)) else { return vec![false; lines.len()] };
     let sidebands = |gear: f64| GEAR_SIDEBANDS.min(GEAR_SIDEBANDS_SHARE * gear);

@@ -1,7 +1,7 @@
 //! Effects of the catalogue, hidden in a virtual arm.
 
 use trical_ident::dataset::{Dataset, JointSource};
-use trical_model::{Joints, MAX_JOINTS, Measured, Model, Place, Recording, Row, Shape, State, Term};
+use trical_model::{Joints, MAX_JOINTS, Measured, Model, Place, Recording, Row, Shape, State, Term, trig};
 
 use super::error::{Result, TruthError};
 use crate::candidate::Candidate;
@@ -107,7 +107,7 @@ fn all(model: &Model) -> Result<Vec<Candidate>> {
             let mut commanded = q;
             let mut dir = [0; MAX_JOINTS];
             for joint in 0..dof {
-                q[joint] = 0.7 * (turn * (1.0 + 0.13 * joint as f64)).sin();
+                q[joint] = 0.7 * trig::sin(turn * (1.0 + 0.13 * joint as f64));
                 commanded[joint] = q[joint] + lag(joint);
                 dir[joint] = if lag(joint) > 0.0 { 1 } else { -1 };
             }
@@ -121,7 +121,7 @@ fn all(model: &Model) -> Result<Vec<Candidate>> {
                 payload_kg: Some(0.0),
                 ..State::at(&[])
             };
-            let reading = [turn.sin() * 2e-3, (1.7 * turn).sin() * 2e-3, (2.3 * turn).cos() * 2e-3];
+            let reading = [trig::sin(turn) * 2e-3, trig::sin(1.7 * turn) * 2e-3, trig::cos(2.3 * turn) * 2e-3];
             let measured = Measured::Touch { ball: k as usize % model.cell.balls.len().max(1), reading };
             Row { state, measured, seq: None, line: 0 }
         })

@@ -7,7 +7,7 @@ use super::result::Change;
 use super::settings::{CHANGES, CLEARLY_BETTER, FALSE_ALARMS, SHARE, TAILS};
 use super::size::sizes;
 use super::whitened::{Whitened, extend, project_out};
-use crate::triangle::dot;
+use crate::dense::dot;
 
 /// What an explanation is worth beside those that were taken.
 struct Tried {
@@ -99,11 +99,11 @@ impl<'a> Beside<'a> {
     fn told(&self, own: usize) -> Change {
         let best = &self.tried[own];
         let weight = |k: usize| match &self.tried[k] {
-            t if t.rank > 0 => (t.evidence - best.evidence).exp(),
+            t if t.rank > 0 => libm::exp(t.evidence - best.evidence),
             _ => 0.0,
         };
         let all = 0..self.explanations.len();
-        let total: f64 = all.clone().map(weight).sum::<f64>() + (-best.evidence).exp();
+        let total: f64 = all.clone().map(weight).sum::<f64>() + libm::exp(-best.evidence);
         let rivals = all.filter(|k| *k != own && weight(*k) > 0.1).map(|k| self.explanations[k].what.clone());
         Change {
             what: self.explanations[own].what.clone(),
@@ -126,7 +126,7 @@ fn tried(whitened: &Whitened<'_>, basis: &[Vec<f64>], taken: &[usize]) -> Vec<Tr
         let square: f64 = with[basis.len()..].iter().map(|q| dot(q, &left).powi(2)).sum();
         let scaled = square / whitened.more_noise;
         let of_machine = whitened.explained.explanations[k].is_of_machine();
-        let statistic = if of_machine { scaled } else { (TAILS + rank as f64) * (scaled / TAILS).ln_1p() };
+        let statistic = if of_machine { scaled } else { (TAILS + rank as f64) * libm::log1p(scaled / TAILS) };
         Tried { statistic, rank, evidence: evidence(statistic, rank) }
     };
     whitened.columns.iter().enumerate().map(one).collect()
@@ -136,5 +136,5 @@ fn tried(whitened: &Whitened<'_>, basis: &[Vec<f64>], taken: &[usize]) -> Vec<Tr
 /// numbers pay for being more.
 fn evidence(t: f64, rank: usize) -> f64 {
     let k = rank.max(1) as f64;
-    if t > k { 0.5 * (t - k - k * (t / k).ln()) } else { 0.0 }
+    if t > k { 0.5 * (t - k - k * libm::log(t / k)) } else { 0.0 }
 }

@@ -1,7 +1,5 @@
 //! By how much something changed, and how large a change has to be to be found.
 
-use faer::linalg::solvers::{Llt, Solve};
-use faer::{Mat, Side};
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 use trical_model::{Model, Scope};
 
@@ -9,7 +7,7 @@ use super::explanation::{Explained, Explanation};
 use super::result::{Change, Changed, Visible, point_and_axis};
 use super::settings::{FALSE_ALARMS, FOUND, LARGEST_DEG, LARGEST_MM, SHARE};
 use super::whitened::{Whitened, extend};
-use crate::triangle::dot;
+use crate::dense::{Cholesky, Mat, dot, singular_values};
 use crate::units::unit;
 
 /// Most that is called visible, in mm or deg.
@@ -30,7 +28,7 @@ pub(super) fn sizes(whitened: &Whitened<'_>, chosen: &[usize]) -> Vec<Vec<Change
         0 => -dot(columns[i], &whitened.residual) / lengths[i],
         _ => f64::from(u8::from(i + 1 == j)),
     });
-    let Ok(solved) = Llt::new(normal.as_ref(), Side::Lower).map(|l| l.solve(&right)) else {
+    let Some(solved) = Cholesky::of(&normal).map(|l| l.solve(&right)) else {
         return vec![Vec::new(); chosen.len()];
     };
     let model = &whitened.explained.model;
@@ -120,7 +118,7 @@ pub(super) fn visible(whitened: &Whitened<'_>) -> Vec<Visible> {
 fn shortest(columns: &[(&str, Vec<f64>)]) -> f64 {
     let rows = columns.first().map_or(0, |c| c.1.len());
     let all = Mat::from_fn(rows, columns.len(), |i, j| columns[j].1[i]);
-    all.singular_values().map_or(0.0, |s| s.into_iter().fold(f64::INFINITY, f64::min))
+    singular_values(&all).last().copied().unwrap_or(f64::INFINITY)
 }
 
 /// Length (in standard deviations) of a change that passes `limit`, and is at least `share`, with the chance [`FOUND`].

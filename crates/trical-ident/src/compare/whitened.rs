@@ -2,19 +2,16 @@
 
 use std::collections::BTreeMap;
 
-use faer::linalg::solvers::Llt;
-use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
-use faer::{Mat, Par, Side};
 use trical_model::Forward;
 
 use super::explanation::{Daily, Explained, Explanation};
 use super::settings::NEW_SHARE;
 use crate::dataset::Dataset;
+use crate::dense::{Cholesky, Mat, dot, solve_lower};
 use crate::error::{IdentError, Result};
 use crate::fit::check_observations;
 use crate::model_file::Uncertainty;
 use crate::predicted::covariance;
-use crate::triangle::dot;
 
 /// Residuals and columns that are independent, with standard deviation 1.
 pub(super) struct Whitened<'a> {
@@ -73,14 +70,14 @@ impl<'a> Whitened<'a> {
         let forward = Forward::new(model.clone(), all)?;
         let Linearized { jacobian, residual, spans } = Linearized::of(&forward, data, old)?;
         let (rows, m) = (residual.len(), calibrated.len());
-        let of_calibrated = jacobian.submatrix(0, 0, rows, m);
-        let mut sigma = of_calibrated * &covariance(model, old, calibrated) * of_calibrated.transpose();
+        let of_calibrated = jacobian.view().columns(0, m);
+        let mut sigma = &(of_calibrated * &covariance(model, old, calibrated)) * of_calibrated.transpose();
         let effects = (old.effects / old.noise).powi(2);
         for ((from, n), beyond) in spans.iter().zip(beyond) {
             (*from..from + n).for_each(|i| sigma[(i, i)] += if *beyond { 1.0 + effects } else { 1.0 });
         }
         let first = forward.free().len() - of_the_day.len();
-        let square = |c: usize| jacobian.col(c).squared_norm_l2() / rows as f64;
+        let square = |c: usize| dot(jacobian.col(c), jacobian.col(c)) / rows as f64;
         let of_course = of_the_day.iter().filter(|d| matches!(d.1, Daily::Course)).count();
         for (c, (_, daily)) in (first..).zip(of_the_day) {
             let sd = match daily {
@@ -88,18 +85,18 @@ impl<'a> Whitened<'a> {
                 Daily::Course => old.course / old.noise / (square(c) * of_course as f64).sqrt(),
             };
             if sd.is_finite() {
-                let column = jacobian.col(c).as_mat();
-                sigma += (column * column.transpose()) * (sd * sd);
+                let column = jacobian.view().columns(c, 1);
+                sigma.add_product(sd * sd, column, column.transpose());
             }
         }
         // rounded correlations may be a hair from positive
-        let llt = Llt::new(sigma.as_ref(), Side::Lower).map_err(|_| {
+        let factor = Cholesky::of(&sigma).ok_or_else(|| {
             IdentError::WrongModel("[uncertainty] of the model file: its correlations are of no real fit".into())
         })?;
         let white = |v: Vec<f64>| {
-            let mut column = Mat::from_fn(rows, 1, |i, _| v[i]);
-            solve_lower_triangular_in_place(llt.L(), column.as_mut(), Par::Seq);
-            column.col_as_slice(0).to_vec()
+            let mut column = Mat::column(v);
+            solve_lower(factor.lower(), &mut column);
+            column.col(0).to_vec()
         };
         let column = |c: usize| white((0..rows).map(|i| jacobian[(i, c)]).collect());
         let mut nuisance = Vec::new();
@@ -185,7 +182,7 @@ fn shared(left: &[f64], basis: &[Vec<f64>], poses: &[usize]) -> f64 {
 
 /// Derivatives to the free terms of a model, and residuals, in standard deviations of the noise.
 struct Linearized {
-    jacobian: Mat<f64>,
+    jacobian: Mat,
     residual: Vec<f64>,
     /// First row of each observation, and how many it has.
     spans: Vec<(usize, usize)>,
@@ -197,7 +194,7 @@ impl Linearized {
         // of a model that no poses were measured for: as uncertain as the position a quarter of a metre away
         let rotation_noise = old.rotation_noise.unwrap_or(4.0 * old.noise);
         let (rows, p) = (data.scalars(), forward.free().len());
-        let (mut jacobian, mut residual, mut spans) = (Mat::<f64>::zeros(rows, p), vec![0.0; rows], Vec::new());
+        let (mut jacobian, mut residual, mut spans) = (Mat::zeros(rows, p), vec![0.0; rows], Vec::new());
         let (mut ws, mut buffer, mut at) = (forward.workspace(), vec![0.0; 6 * p], 0);
         for o in &data.observations {
             let n = forward.linearize(&o.state, &o.measured, o.frame, &mut ws, &mut buffer);

@@ -6,6 +6,7 @@ use crate::pose::{Pose, angles_zyx};
 use crate::recording::State;
 use crate::robot::Robot;
 use crate::term::Site;
+use crate::trig;
 
 use crate::urdf::tree::{self, Place};
 use crate::urdf::{UrdfPath, parse, read_xml, robot_from_axes, xml};
@@ -139,7 +140,7 @@ pub(super) fn apart(robot: &Robot, model: &Model) -> Result<f64> {
     let (mut wa, mut wb) = (a.workspace(), b.workspace());
     let mut most = 0.0_f64;
     for k in 0..12_u32 {
-        let q: Vec<f64> = (0..robot.dof() as u32).map(|j| (1.3 * f64::from(k) + 2.1 * f64::from(j)).sin()).collect();
+        let q: Vec<f64> = (0..robot.dof() as u32).map(|j| trig::sin(1.3 * f64::from(k) + 2.1 * f64::from(j))).collect();
         let (p, r) = (a.world_from_flange(&State::at(&q), &mut wa), b.world_from_flange(&State::at(&q), &mut wb));
         most = most.max((p.translation - r.translation).norm()).max((p.rotation - r.rotation).norm());
     }

@@ -5,6 +5,7 @@ use std::f64::consts::{PI, TAU};
 use super::wrist;
 use crate::recording::{Joints, MAX_JOINTS};
 use crate::robot::Robot;
+use crate::trig;
 
 /// Nominal lengths and angles of a 6R arm, in the file's order (entry i belongs to joint i + 1).
 pub(crate) struct Arm {
@@ -24,7 +25,7 @@ impl Arm {
         let mut arm = Self { alpha: zero, twist: [(0.0, 1.0); 6], a: zero, d: zero, offset: zero, size: 0.0 };
         for (i, j) in robot.joints.iter().enumerate().take(6) {
             arm.alpha[i] = j.alpha;
-            arm.twist[i] = j.alpha.sin_cos();
+            arm.twist[i] = trig::sin_cos(j.alpha);
             arm.a[i] = j.a;
             arm.d[i] = j.d;
             arm.offset[i] = j.theta_offset;
@@ -75,7 +76,7 @@ pub(super) fn arc_cosines(x: f64) -> Option<[f64; 2]> {
         return None;
     }
     let angle = if x.abs() <= 1.0 {
-        x.acos()
+        libm::acos(x)
     } else {
         let apart = (2.0 * (x.abs() - 1.0)).sqrt();
         if x > 0.0 { apart } else { PI - apart }

@@ -7,6 +7,7 @@ use nalgebra::Vector3;
 use super::arm::{Arm, arc_cosines, wrapped};
 use super::wrist;
 use crate::pose::{Pose, rotation_x, rotation_z};
+use crate::trig;
 
 /// Angles theta of the nominal arm with its flange at `base_from_flange`; `start` chooses where the wrist is singular.
 pub(super) fn solve(arm: &Arm, base_from_flange: &Pose, start: &[f64; 6], out: &mut Vec<[f64; 6]>) {
@@ -20,13 +21,13 @@ pub(super) fn solve(arm: &Arm, base_from_flange: &Pose, start: &[f64; 6], out: &
     let ((s1, c1), (s4, c4)) = (twist[1], twist[4]);
     let along = d[1] + d[2] + d[3] + c4 * d[4];
     // (s1 sin t1, -s1 cos t1, c1) . o5 = along
-    let radius = o5.x.hypot(o5.y);
+    let radius = libm::hypot(o5.x, o5.y);
     if radius < 1e-12 {
         return;
     }
     let sine = (along - c1 * o5.z) / (s1 * radius);
     // sin(t1 - towards) = sine
-    let towards = o5.y.atan2(o5.x) + FRAC_PI_2;
+    let towards = libm::atan2(o5.y, o5.x) + FRAC_PI_2;
     for t1 in arc_cosines(sine).into_iter().flatten().map(|t| t + towards) {
         let shoulder = (rotation_z(t1) * rotation_x(alpha[1])).transpose();
         let m = shoulder * r;
@@ -36,8 +37,8 @@ pub(super) fn solve(arm: &Arm, base_from_flange: &Pose, start: &[f64; 6], out: &
             let reach2 = o4.x * o4.x + o4.y * o4.y;
             let cosine = (reach2 - a[2] * a[2] - a[3] * a[3]) / (2.0 * a[2] * a[3]);
             for t3 in arc_cosines(cosine).into_iter().flatten() {
-                let (s3, c3) = t3.sin_cos();
-                let t2 = o4.y.atan2(o4.x) - (a[3] * s3).atan2(a[2] + a[3] * c3);
+                let (s3, c3) = trig::sin_cos(t3);
+                let t2 = libm::atan2(o4.y, o4.x) - libm::atan2(a[3] * s3, a[2] + a[3] * c3);
                 out.push([t1, t2, t3, sum - t2 - t3, t5, t6].map(wrapped));
             }
         });

@@ -9,7 +9,7 @@ pub(super) fn starts(robot: &Robot, seed: &Joints, count: usize) -> Vec<Joints> 
     let n = robot.dof();
     let power = 1.0 / (n as f64 + 1.0);
     // x^(n+1) = x + 1
-    let golden = (0..60).fold(1.5_f64, |x, _| (1.0 + x).powf(power));
+    let golden = (0..60).fold(1.5_f64, |x, _| libm::pow(1.0 + x, power));
     let mut list = vec![*seed];
     for k in 1..count {
         let mut q = [0.0; MAX_JOINTS];

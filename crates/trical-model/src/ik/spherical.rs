@@ -8,6 +8,7 @@ use nalgebra::{Complex, Matrix3, Vector3};
 use super::arm::{Arm, arc_cosines, wrapped};
 use super::wrist;
 use crate::pose::{Pose, rotation_x};
+use crate::trig;
 
 type V3 = Vector3<f64>;
 
@@ -24,7 +25,7 @@ pub(super) fn solve(arm: &Arm, base_from_flange: &Pose, start: &[f64; 6], out: &
         // (Rz(t1) Rx(a1) Rz(t2) Rx(a2) Rz(t3) Rx(a3))' r, factor by factor
         let mut m = r;
         for (t, a) in [(t1, twist[1]), (t2, twist[2]), (t3, twist[3])] {
-            let (s, c) = t.sin_cos();
+            let (s, c) = trig::sin_cos(t);
             m = turn_back(&turn_back(&m, [0, 1], s, c), [1, 2], a.0, a.1);
         }
         wrist::solve(&m, twist[4], twist[5], start[3], |[t4, t5, t6]| {
@@ -80,14 +81,18 @@ fn positions(arm: &Arm, v: &V3, wrist_in_3: &V3, start: &[f64; 6], mut found: im
         }
     };
     for t3 in roots(equation) {
-        let f = f(t3.sin_cos());
+        let f = f(trig::sin_cos(t3));
         let (square, height) = left(&f);
-        let (reach, turn) = (f.x.hypot(f.y), f.y.atan2(f.x));
+        let (reach, turn) = (libm::hypot(f.x, f.y), libm::atan2(f.y, f.x));
         // (cos t2 + i sin t2)(f.x + i f.y) = cosine + i sine
         let mut second = |t2: f64| {
-            let (s, c) = t2.sin_cos();
+            let (s, c) = trig::sin_cos(t2);
             let (x, y) = (c * f.x - s * f.y + a[1], c1 * (s * f.x + c * f.y) - s1 * f.z);
-            let t1 = if v.x.hypot(v.y) < 1e-9 * arm.size { start[0] } else { v.y.atan2(v.x) - y.atan2(x) };
+            let t1 = if libm::hypot(v.x, v.y) < 1e-9 * arm.size {
+                start[0]
+            } else {
+                libm::atan2(v.y, v.x) - libm::atan2(y, x)
+            };
             found(t1, t2, t3);
         };
         if no_offset || no_twist {
@@ -100,7 +105,7 @@ fn positions(arm: &Arm, v: &V3, wrist_in_3: &V3, start: &[f64; 6], mut found: im
             let turn = if no_offset { turn - FRAC_PI_2 } else { turn };
             arc_cosines(x).into_iter().flatten().for_each(|t| second(t - turn));
         } else {
-            second((height / s1).atan2(square / (2.0 * a[1])) - turn);
+            second(libm::atan2(height / s1, square / (2.0 * a[1])) - turn);
         }
     }
 }

@@ -61,7 +61,7 @@ impl Usual {
         }
         let (s3, c3) = twist[3];
         let (x, y) = (a[3], -s3 * d[3]);
-        let fore = x.hypot(y);
+        let fore = libm::hypot(x, y);
         if arm.zero(fore) {
             return None;
         }
@@ -77,7 +77,7 @@ impl Usual {
             shoulder: a[1],
             upper: a[2],
             fore,
-            towards: (x / fore, y / fore, y.atan2(x)),
+            towards: (x / fore, y / fore, libm::atan2(y, x)),
             aside: c3 * d[3] + d[2] + d[1],
             hand: d[5],
             size,
@@ -103,8 +103,8 @@ impl Usual {
         if out < near * near {
             return None;
         }
-        let (out, heading, height) = (out.sqrt(), v.y.atan2(v.x), self.side[0] * v.z);
-        let skewed = if across == 0.0 { 0.0 } else { across.atan2(out) };
+        let (out, heading, height) = (out.sqrt(), libm::atan2(v.y, v.x), self.side[0] * v.z);
+        let skewed = if across == 0.0 { 0.0 } else { libm::atan2(across, out) };
         for (k, out) in [out, -out].into_iter().enumerate() {
             let t1 = if k == 0 { heading - skewed } else { heading - std::f64::consts::PI + skewed };
             if !may_be(0, t1) {
@@ -125,9 +125,9 @@ impl Usual {
             let row = |i: usize| -> RowVector3<f64> { r.row(i).into() };
             let shoulder =
                 [row(0) * c1 + row(1) * s1, row(2) * self.side[0], (row(0) * s1 - row(1) * c1) * self.side[0]];
-            let (sine, bent) = (sine2.sqrt(), fold.acos());
-            let aim = height.atan2(along);
-            let seen = (self.fore * sine).atan2(self.upper + self.fore * fold);
+            let (sine, bent) = (sine2.sqrt(), libm::acos(fold));
+            let aim = libm::atan2(height, along);
+            let seen = libm::atan2(self.fore * sine, self.upper + self.fore * fold);
             for (j, sign) in [1.0, -1.0].into_iter().enumerate() {
                 let (t2, t3) = (aim - sign * seen, sign * bent - self.towards.2);
                 if !may_be(1, t2) || !may_be(2, t3) {
@@ -162,13 +162,13 @@ impl Usual {
     /// wrist is straight.
     fn wrist(&self, m: &[RowVector3<f64>; 3], mut found: impl FnMut(usize, [f64; 3])) -> Option<()> {
         let [_, first, second] = self.side;
-        let sine = m[0].z.hypot(m[1].z);
+        let sine = libm::hypot(m[0].z, m[1].z);
         if sine < NEAR_FOLD {
             return None;
         }
-        let t4 = (second * m[1].z).atan2(second * m[0].z);
-        let t5 = sine.atan2(-first * second * m[2].z);
-        let t6 = (-first * m[2].y).atan2(first * m[2].x);
+        let t4 = libm::atan2(second * m[1].z, second * m[0].z);
+        let t5 = libm::atan2(sine, -first * second * m[2].z);
+        let t6 = libm::atan2(-first * m[2].y, first * m[2].x);
         let turned = |t: f64| if t > 0.0 { t - std::f64::consts::PI } else { t + std::f64::consts::PI };
         found(0, [t4, t5, t6]);
         found(1, [turned(t4), -t5, turned(t6)]);

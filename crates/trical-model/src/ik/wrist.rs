@@ -1,5 +1,6 @@
 //! The three angles of `M = Rz(t1) Rx(a1) Rz(t2) Rx(a2) Rz(t3)`.
 
+use crate::trig;
 use nalgebra::{Matrix3, Vector3};
 
 /// A twist that is the same at every pose: sine and cosine of it.
@@ -16,24 +17,28 @@ pub(super) fn solve(m: &Matrix3<f64>, a1: Twist, a2: Twist, start: f64, mut foun
     }
     // hypot of the other two components of M z says the sine better than the cosine does where it is small
     let t2 = if (s1.abs() - 1.0).abs() < 1e-9 && (s2.abs() - 1.0).abs() < 1e-9 {
-        m[(0, 2)].hypot(m[(1, 2)]).atan2(cosine)
+        libm::atan2(libm::hypot(m[(0, 2)], m[(1, 2)]), cosine)
     } else {
-        cosine.clamp(-1.0, 1.0).acos()
+        libm::acos(cosine.clamp(-1.0, 1.0))
     };
     let branches: &[f64] =
         if t2.abs() < 1e-9 || (std::f64::consts::PI - t2).abs() < 1e-9 { &[1.0] } else { &[1.0, -1.0] };
-    let (sin, cos) = t2.sin_cos();
+    let (sin, cos) = trig::sin_cos(t2);
     for sign in branches {
         let (t2, sin) = (t2 * sign, sin * sign);
         // columns of Rx(a1) Rz(t2) Rx(a2); M z = Rz(t1) z
         let x = Vector3::new(cos, c1 * sin, s1 * sin);
         let before = (Vector3::new(-sin, c1 * cos, s1 * cos), Vector3::new(0.0, -s1, c1));
         let (y, z) = (before.0 * c2 + before.1 * s2, before.1 * c2 - before.0 * s2);
-        let t1 = if z.x * z.x + z.y * z.y < 1e-18 { start } else { m[(1, 2)].atan2(m[(0, 2)]) - z.y.atan2(z.x) };
+        let t1 = if z.x * z.x + z.y * z.y < 1e-18 {
+            start
+        } else {
+            libm::atan2(m[(1, 2)], m[(0, 2)]) - libm::atan2(z.y, z.x)
+        };
         // what is left of M's first column after Rz(t1), along x and y
-        let (s, c) = t1.sin_cos();
+        let (s, c) = trig::sin_cos(t1);
         let left = Vector3::new(c * m[(0, 0)] + s * m[(1, 0)], c * m[(1, 0)] - s * m[(0, 0)], m[(2, 0)]);
-        found([t1, t2, y.dot(&left).atan2(x.dot(&left))]);
+        found([t1, t2, libm::atan2(y.dot(&left), x.dot(&left))]);
     }
 }
 

@@ -127,12 +127,12 @@ pub(crate) fn robot_from_axes(list: &[Axes], tip: &Pose, name: &str) -> Robot {
 /// Parameters of joint i from frames {i-1} and {i} at the zero position.
 fn parameters(joint: &Axes, before: &Pose, here: &Pose, entry: &V3, size: f64) -> Joint {
     let z = before.rotation.transpose() * joint.axis;
-    let alpha = zeroed((-z.y).atan2(z.z), 1.0);
-    let beta = zeroed(z.x.atan2(z.y.hypot(z.z)), 1.0);
+    let alpha = zeroed(libm::atan2(-z.y, z.z), 1.0);
+    let beta = zeroed(libm::atan2(z.x, libm::hypot(z.y, z.z)), 1.0);
     let a = zeroed(before.rotation.column(0).dot(&(entry - before.translation)), size);
     let turned = before.rotation * crate::pose::rotation_x(alpha) * crate::pose::rotation_y(beta);
     let x = here.rotation.column(0);
-    let theta = zeroed(turned.column(1).dot(&x).atan2(turned.column(0).dot(&x)), 1.0);
+    let theta = zeroed(libm::atan2(turned.column(1).dot(&x), turned.column(0).dot(&x)), 1.0);
     let d = zeroed(joint.axis.dot(&(here.translation - entry)), size);
     Joint {
         kind: joint.kind,

@@ -1,7 +1,7 @@
 //! Which pairs can meet, and how fast they can approach each other.
 
 use nalgebra::Vector3;
-use trical_model::{Joint, JointKind, Joints, MAX_JOINTS, Pose};
+use trical_model::{Joint, JointKind, Joints, MAX_JOINTS, Pose, trig};
 
 use super::{CollisionModel, Contact, MotionWorkspace};
 use crate::geometry::Role;
@@ -78,11 +78,11 @@ fn speeds(model: &CollisionModel, a: usize, carried: usize) -> Joints {
     let mut beyond = corners.iter().map(V3::norm).fold(0.0, f64::max);
     for k in (carried..part.frame).rev() {
         let lever = if k + 1 == part.frame {
-            corners.iter().map(|c| c.x.hypot(c.y)).fold(0.0, f64::max)
+            corners.iter().map(|c| libm::hypot(c.x, c.y)).fold(0.0, f64::max)
         } else {
             let next = &joints[k + 1];
-            let lever = next.a.hypot(slide(next) * next.alpha.sin()) + beyond;
-            beyond += next.a.hypot(slide(next));
+            let lever = libm::hypot(next.a, slide(next) * trig::sin(next.alpha)) + beyond;
+            beyond += libm::hypot(next.a, slide(next));
             lever
         };
         speed[k] = if joints[k].kind == JointKind::Prismatic { 1.0 } else { lever };

@@ -1,7 +1,7 @@
 //! Bodies that a cell file leaves out, from what else is known of the arm and the cell. Deliberately a little stout.
 
 use nalgebra::Vector3;
-use trical_model::{Cell, JointKind, Pose, Robot};
+use trical_model::{Cell, JointKind, Pose, Robot, trig};
 
 use super::{Balls, Body, Place, Role};
 use crate::solid::Solid;
@@ -31,7 +31,7 @@ pub(super) fn links(robot: &Robot) -> Vec<Body> {
             let solids = match joints.get(k) {
                 None => vec![Solid::sphere(V3::new(0.0, 0.0, -0.5 * radius), 0.7 * radius)],
                 Some(next) => {
-                    let (s, c) = next.alpha.sin_cos();
+                    let (s, c) = trig::sin_cos(next.alpha);
                     // body 0 is placed by the arm's foot, and the first joint by {0}
                     let zero = if k == 0 { robot.root_from_zero } else { Pose::identity() };
                     let corner = zero.apply(&V3::new(next.a, 0.0, 0.0));

@@ -12,7 +12,7 @@ use parry3d_f64::glamx::DVec3;
 use parry3d_f64::query::PointQuery;
 use parry3d_f64::shape::ConvexPolyhedron;
 use toml::{Table, Value};
-use trical_model::Cell;
+use trical_model::{Cell, trig};
 
 use crate::error::{PlanError, Result};
 use crate::solid::Solid;
@@ -129,7 +129,7 @@ fn few_corners(points: &[V3]) -> std::result::Result<(Vec<V3>, f64), String> {
     for k in 0..CORNERS {
         // evenly over the sphere (Fibonacci)
         let z = 1.0 - (2.0 * f64::from(k) + 1.0) / f64::from(CORNERS);
-        let (s, c) = (f64::from(k) * 2.399_963_229_728_653).sin_cos();
+        let (s, c) = trig::sin_cos(f64::from(k) * 2.399_963_229_728_653);
         let flat = (1.0 - z * z).sqrt();
         let direction = V3::new(flat * c, flat * s, z);
         let best = points.iter().max_by(|a, b| direction.dot(a).total_cmp(&direction.dot(b)));

@@ -143,7 +143,7 @@ impl Compensator<'_> {
         for (k, (new, span)) in numbers.iter().zip(spans).enumerate().take(count) {
             let Some(x) = new else { continue };
             let scale = self.scan.scale(k);
-            let digits = spot.shape.decimals(k) + scale.log10().ceil() as usize;
+            let digits = spot.shape.decimals(k) + libm::log10(scale).ceil() as usize;
             let text = written(*x / scale, span.text(self.bytes), digits);
             read_back[k] = text.parse().map_or(*x, |read: f64| read * scale);
             edits.push((*span, text));

@@ -1,7 +1,7 @@
 //! Programs of every dialect, written here from joint values as a controller would teach them, compensated, read again as the
 //! controller reads them, and driven on the arm of the full model.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::disallowed_methods, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod beside;
 mod conditions;

@@ -4,7 +4,7 @@
 use trical_model::{Forward, Workspace};
 
 use crate::dataset::Observation;
-use crate::dense::{Cholesky, Mat, View, add_rows};
+use crate::dense::{Cholesky, Mat, View, add_rows, solve_lower};
 use crate::noise::Noise;
 
 /// Rows of a block: a calibration by touches fits into one.
@@ -191,13 +191,10 @@ impl Rows {
         let factor = Cholesky::of(&scaled)?;
         let lower = factor.lower();
         // Q'r: L y = J'r
-        let mut y: Vec<f64> = (0..p).map(|i| self.g(i) / scale[i]).collect();
-        for i in 0..p {
-            let sum: f64 = (0..i).map(|j| lower[(i, j)] * y[j]).sum();
-            y[i] = (y[i] - sum) / lower[(i, i)];
-        }
+        let mut y = Mat::column((0..p).map(|i| self.g(i) / scale[i]).collect());
+        solve_lower(lower, &mut y);
         let entry = |i: usize, j: usize| match j {
-            _ if j == p => y[i],
+            _ if j == p => y[(i, 0)],
             _ if j >= i => lower[(j, i)] * scale[j],
             _ => 0.0,
         };

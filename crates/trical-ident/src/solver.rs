@@ -145,7 +145,7 @@ pub fn minimize(forward: &mut Forward, data: &Dataset, noise: &Noise, params: &L
     Solver::new(forward.free().len()).minimize(forward, data, noise, &[], params)
 }
 
-/// Levenberg-Marquardt with its working memory, so that refits allocate nothing anew.
+/// Levenberg-Marquardt with its sums, which refits use again.
 pub(crate) struct Solver {
     /// Sums at the present coefficients.
     at: Rows,

@@ -97,14 +97,15 @@ impl Mat {
 
     /// Adds `factor a b`.
     pub fn add_product<'a>(&mut self, factor: f64, a: impl Into<View<'a>>, b: impl Into<View<'a>>) {
-        let (rows, columns) = (self.rows, self.columns);
-        product::add(&mut self.entries, (rows, columns), rows, factor, a.into(), b.into(), false);
+        let (a, b) = (a.into(), b.into());
+        debug_assert!((a.rows, b.columns) == (self.rows, self.columns));
+        product::add(&mut self.entries, self.rows, factor, a, b, false);
     }
 
     /// Adds `x'x` to the lower triangle; what is above is of no use then.
     pub fn add_square(&mut self, x: View<'_>) {
-        let (rows, columns) = (self.rows, self.columns);
-        product::add(&mut self.entries, (rows, columns), rows, 1.0, x.transpose(), x, true);
+        debug_assert!((x.columns, x.columns) == (self.rows, self.columns));
+        product::add(&mut self.entries, self.rows, 1.0, x.transpose(), x, true);
     }
 
     /// Rows and columns from the first on.

@@ -23,17 +23,9 @@ const LONG: usize = 1024;
 type Tile = [[f64; HIGH]; WIDE];
 
 /// Adds `factor a b` to `out`, whose columns are `stride` apart; with `lower` only what is not above the diagonal has to be right.
-pub(super) fn add(
-    out: &mut [f64],
-    shape: (usize, usize),
-    stride: usize,
-    factor: f64,
-    a: View<'_>,
-    b: View<'_>,
-    lower: bool,
-) {
-    debug_assert!(a.rows == shape.0 && b.columns == shape.1 && a.columns == b.rows);
-    COPIES.with_borrow_mut(|copies| Arch::new().dispatch(Product { out, shape, stride, factor, a, b, lower, copies }));
+pub(super) fn add(out: &mut [f64], stride: usize, factor: f64, a: View<'_>, b: View<'_>, lower: bool) {
+    debug_assert!(a.rows <= stride && a.columns == b.rows);
+    COPIES.with_borrow_mut(|copies| Arch::new().dispatch(Product { out, stride, factor, a, b, lower, copies }));
 }
 
 /// Strips of rows and of columns.
@@ -46,7 +38,6 @@ thread_local! {
 
 struct Product<'a> {
     out: &'a mut [f64],
-    shape: (usize, usize),
     stride: usize,
     factor: f64,
     a: View<'a>,
@@ -60,8 +51,8 @@ impl NullaryFnOnce for Product<'_> {
 
     #[inline(always)]
     fn call(self) {
-        let Self { out, shape: (m, n), stride, factor, a, b, lower, copies: (rows, columns) } = self;
-        let depth = a.columns;
+        let Self { out, stride, factor, a, b, lower, copies: (rows, columns) } = self;
+        let (m, n, depth) = (a.rows, b.columns, a.columns);
         if m == 0 || n == 0 || depth == 0 {
             return;
         }

@@ -26,7 +26,7 @@ impl Cholesky {
             let (before, panel) = lower.split_at_col_mut(from);
             let known = View { rows: n, columns: from, entries: before, stride: (1, n) }.rows(from, n - from);
             let own = known.rows(0, wide).transpose();
-            product::add(&mut panel[from..], (n - from, wide), n, -1.0, known, own, true);
+            product::add(&mut panel[from..], n, -1.0, known, own, true);
             if !Arch::new().dispatch(Panel { entries: &mut panel[..wide * n], from, n }) {
                 return None;
             }
@@ -66,7 +66,7 @@ impl Cholesky {
             let (_, columns) = inverse.split_at_col_mut(from);
             let below = root.view().rows(from, n - from);
             let (all, own) = (below.columns(from, n - from), below.columns(from, wide));
-            product::add(&mut columns[from..], (n - from, wide), n, 1.0, all.transpose(), own, true);
+            product::add(&mut columns[from..], n, 1.0, all.transpose(), own, true);
         }
         inverse.mirror();
         inverse
@@ -158,7 +158,7 @@ fn solve_from(lower: &Mat, from: usize, columns: &mut [f64]) {
             let solved: Vec<f64> = columns.chunks_exact(n).flat_map(|c| &c[at..end]).copied().collect();
             let solved = View { rows: end - at, columns: k, entries: &solved, stride: (1, end - at) };
             let below = lower.view().columns(at, end - at).rows(end, n - end);
-            product::add(&mut columns[end..], (n - end, k), n, -1.0, below, solved, false);
+            product::add(&mut columns[end..], n, -1.0, below, solved, false);
         }
     }
 }

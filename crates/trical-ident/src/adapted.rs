@@ -5,12 +5,13 @@ use trical_model::{
 };
 
 use crate::ball_places::{self, training_poses};
-use crate::dataset::{Dataset, JointSource, References, told_of_tool};
+use crate::dataset::{Dataset, JointSource, told_of_tool};
 use crate::error::Result;
 use crate::fit::position_errors;
 use crate::identify::refit;
 use crate::initial_guess::initial_guess_of_sessions;
 use crate::model_file::ModelFile;
+use crate::references::References;
 use crate::repeated::Fingerprint;
 
 /// What is identified again for an instrument that was set up anew.

@@ -1,14 +1,15 @@
 //! Recordings as observations: which joint angles are believed, which rows belong to one pose, which measuring frame a
-//! row was seen in, and each pose registered by its fixed references.
+//! row was seen in.
 
 use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
-use trical_model::{Joints, Measured, Motion, Pose, Recording, Row, State, residual_rows};
+use trical_model::{Joints, Measured, Motion, Recording, Row, State, residual_rows};
 
 use crate::error::{IdentError, Result};
+use crate::references::{References, Seen, move_by};
 use crate::repeated::{Fingerprint, refuse_repeated};
-use crate::rigid::{mean, median, median_point, rigid_from_points};
+use crate::rigid::mean;
 
 /// Which joint angles the model is to believe.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
@@ -85,13 +86,6 @@ pub fn rejected_in_words(rejected: &[Rejected]) -> Option<String> {
     })
 }
 
-/// Where the fixed references of a measuring frame are, m.
-#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct References {
-    /// Position of each reference in the measuring frame; `None` for one never seen.
-    pub positions: Vec<Option<[f64; 3]>>,
-}
-
 /// Observations of one arm, from one or several recordings.
 #[derive(Clone, Debug)]
 pub struct Dataset {
@@ -116,9 +110,6 @@ pub struct Dataset {
     /// Number of the arm's joints.
     pub dof: usize,
 }
-
-/// Which reference, and where.
-type Seen = (usize, Vector3<f64>);
 
 impl Dataset {
     /// Gathers recordings of one arm. Each recording with points or poses gets a measuring frame of its own. `known` are
@@ -212,40 +203,27 @@ impl Dataset {
 
     /// Brings every pose of one recording into the frame in which its references stand still.
     fn register(&mut self, first_observation: usize, seen: &[(usize, Seen)], known: Option<&References>) -> References {
-        let count = seen.iter().map(|s| s.1.0 + 1).max().unwrap_or(0);
-        let known = known.filter(|k| k.positions.iter().flatten().count() >= 3);
-        if count < 3 {
+        let known = known.filter(|k| k.can_register());
+        if seen.iter().all(|(_, (reference, _))| *reference < 2) {
             return known.cloned().unwrap_or_default();
         }
-        let place = |k: usize| -> Option<Vector3<f64>> {
-            let of: Vec<Vector3<f64>> = seen.iter().filter(|s| s.1.0 == k).map(|s| s.1.1).collect();
-            (!of.is_empty()).then(|| median_point(&of))
-        };
-        let mut places: Vec<Option<Vector3<f64>>> = match known {
-            Some(k) => k.positions.iter().map(|p| p.map(Vector3::from)).collect(),
-            None => (0..count).map(place).collect(),
-        };
-        let mut by_pose: Vec<(usize, Vec<Seen>)> = Vec::new();
-        for (at, seen) in seen {
-            match by_pose.last_mut() {
-                Some((pose, list)) if pose == at => list.push(*seen),
-                _ => by_pose.push((*at, vec![*seen])),
-            }
-        }
-        let fits = onto_places(&by_pose, &mut places, known.is_some());
-        let verdicts = verdicts(&by_pose, &fits, count);
-        let tail = self.observations.split_off(first_observation);
-        for mut o in tail {
-            match verdicts.get(&o.pose) {
-                Some(Ok(pose)) => {
-                    move_by(pose, &mut o.measured);
+        let by_pose: Vec<(usize, Vec<Seen>)> = seen
+            .chunk_by(|a, b| a.0 == b.0)
+            .map(|here| (here[0].0, here.iter().map(|(_, seen)| *seen).collect()))
+            .collect();
+        let references = References::of(&by_pose.iter().map(|(_, here)| &here[..]).collect::<Vec<_>>(), known);
+        let registered: BTreeMap<usize, _> =
+            by_pose.iter().map(|(pose, here)| (*pose, references.register(here))).collect();
+        for mut o in self.observations.split_off(first_observation) {
+            match registered.get(&o.pose).cloned().unwrap_or_else(|| references.register(&[])) {
+                Ok(pose) => {
+                    move_by(&pose, &mut o.measured);
                     self.observations.push(o);
                 }
-                Some(Err(reason)) => self.reject(&o, reason.clone()),
-                None => self.reject(&o, "no references were seen at this pose".into()),
+                Err(reason) => self.reject(&o, reason),
             }
         }
-        References { positions: places.iter().map(|p| p.map(Into::into)).collect() }
+        references
     }
 
     /// What is wrong with an observation, with its file and line.
@@ -365,89 +343,6 @@ pub(crate) fn told_of_tool(
     };
     let seen = |target: &usize| any(&|m| matches!(m, Measured::Point { target: t, .. } if *t + 1 == *target));
     (&Motion::ALL[..motions], (1..=targets).filter(seen).collect())
-}
-
-/// The references seen at each pose, moved onto their places: how, and by how much one of them is off then; places that are not `known` move onto
-/// their mean until they agree (generalized Procrustes).
-fn onto_places(
-    by_pose: &[(usize, Vec<Seen>)],
-    places: &mut [Option<Vector3<f64>>],
-    known: bool,
-) -> Vec<Option<(Pose, f64)>> {
-    let mut fits: Vec<Option<(Pose, f64)>> = Vec::new();
-    for round in 0..4 {
-        fits = by_pose
-            .iter()
-            .map(|(_, list)| {
-                let pairs: Vec<_> =
-                    list.iter().filter_map(|(k, p)| places.get(*k).copied().flatten().map(|q| (q, *p))).collect();
-                let pose = rigid_from_points(&pairs)?;
-                let off = pairs.iter().map(|(q, p)| (pose.apply(p) - q).norm()).fold(0.0, f64::max);
-                Some((pose, off))
-            })
-            .collect();
-        if known || round == 3 {
-            break;
-        }
-        let offs: Vec<f64> = fits.iter().flatten().map(|f| f.1).collect();
-        let limit = 10.0 * median(&offs) + 1e-6;
-        for (k, place) in places.iter_mut().enumerate() {
-            let (mut sum, mut n) = (Vector3::zeros(), 0.0);
-            for ((_, list), fit) in by_pose.iter().zip(&fits) {
-                if let Some((pose, off)) = fit
-                    && *off <= limit
-                {
-                    for (_, p) in list.iter().filter(|(i, _)| *i == k) {
-                        sum += pose.apply(p);
-                        n += 1.0;
-                    }
-                }
-            }
-            if n > 0.0 {
-                *place = Some(sum / n);
-            }
-        }
-    }
-    fits
-}
-
-/// Of each pose how it is moved, or why it is not to be used: references scatter by the instrument's noise; beyond ten times their median
-/// something was bumped or lost.
-fn verdicts(
-    by_pose: &[(usize, Vec<Seen>)],
-    fits: &[Option<(Pose, f64)>],
-    count: usize,
-) -> BTreeMap<usize, std::result::Result<Pose, String>> {
-    let offs: Vec<f64> = fits.iter().flatten().map(|f| f.1).collect();
-    let usual = median(&offs);
-    let limit = 10.0 * usual + 2e-6;
-    let mut verdicts = BTreeMap::new();
-    for ((pose, list), fit) in by_pose.iter().zip(fits) {
-        let verdict = match fit {
-            None => Err(format!("only {} of {count} references were seen at this pose", list.len())),
-            Some((_, off)) if *off > limit => Err(format!(
-                "a reference is {:.3} mm off its place at this pose (usual: {:.3} mm)",
-                off * 1e3,
-                usual * 1e3
-            )),
-            Some((p, _)) => Ok(*p),
-        };
-        verdicts.insert(*pose, verdict);
-    }
-    verdicts
-}
-
-/// Moves a measured point or pose.
-fn move_by(pose: &Pose, measured: &mut Measured) {
-    match measured {
-        Measured::Point { position, .. } => *position = pose.apply(&Vector3::from(*position)).into(),
-        Measured::Pose { position, quaternion } => {
-            *position = pose.apply(&Vector3::from(*position)).into();
-            let r = pose.rotation * trical_model::pose::rotation_from_quaternion(*quaternion);
-            *quaternion = trical_model::pose::quaternion_from_rotation(&r);
-        }
-        _ => {}
-    }
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`dataset`] | observations, measuring frames, registration by references |
+//! | [`dataset`], [`references`] | observations, measuring frames; poses registered by fixed references |
 //! | [`dense`] | matrices, factors and what is solved with them, the same bits on every processor |
 //! | [`degenerate`] | data that cannot be fitted, each with its own sentence |
 //! | [`initial_guess`], [`trilateration`] | closed-form starting values |
@@ -57,6 +57,7 @@ mod orientation;
 pub mod predicted;
 pub mod read_otherwise;
 pub mod readings;
+pub mod references;
 pub mod repeatability;
 pub mod repeated;
 pub mod rigid;
@@ -78,7 +79,7 @@ pub use calibration::{
 };
 pub use caution::cautions;
 pub use compare::{Comparison, compare};
-pub use dataset::{Dataset, JointSource, Observation, References, Rejected, rejected_in_words};
+pub use dataset::{Dataset, JointSource, Observation, Rejected, rejected_in_words};
 pub use error::{IdentError, Result};
 pub use gross::reject_gross_errors;
 pub use history::{History, history};
@@ -90,6 +91,7 @@ pub use model_file::{ModelFile, Session, write_whole};
 pub use noise::Noise;
 pub use orientation::AngleSummary;
 pub use predicted::{Expected, Predicted};
+pub use references::References;
 pub use repeatability::{Repeatability, repeatability};
 pub use repeated::refuse_repeated;
 pub use simulate::{Aim, Scatter, simulate};

@@ -9,13 +9,14 @@ use trical_model::{
     Basis, Cell, Forward, Joints, Model, ModelError, Pose, Robot, Scope, Site, Support, Term, Variable,
 };
 
-use crate::dataset::{Dataset, JointSource, References};
+use crate::dataset::{Dataset, JointSource};
 use crate::date::newest;
 use crate::degenerate::little;
 use crate::error::{IdentError, Result};
 use crate::fit::orientation_errors;
 use crate::identifiability::plausibly_moved;
 use crate::identify::Identified;
+use crate::references::References;
 use crate::repeated::Fingerprint;
 use crate::units::{unit, unit_of_turning};
 
@@ -366,7 +367,7 @@ impl FrameFile {
         let rotation = rotation_from_quaternion(*quaternion_wxyz);
         let translation = nalgebra::Vector3::from(*xyz_mm) * 1e-3;
         let seen = |p: &[f64; 3]| p.iter().all(|x| x.is_finite()).then(|| p.map(|x| x * 1e-3));
-        Ok((Pose { rotation, translation }, References { positions: references_mm.iter().map(seen).collect() }))
+        Ok((Pose { rotation, translation }, References::at(references_mm.iter().map(seen).collect())))
     }
 }
 
@@ -671,7 +672,7 @@ mod tests {
         let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
         let mut model = Model::nominal(robot, Cell::bare());
         model.frames = vec![Pose { translation: nalgebra::Vector3::new(1.5, -0.25, 0.5), ..Pose::identity() }];
-        let references = vec![References { positions: vec![Some([0.5, -0.25, 1.0]), None] }];
+        let references = vec![References::at(vec![Some([0.5, -0.25, 1.0]), None])];
         let file = ModelFile { model, joints: JointSource::Read, references, sessions: Vec::new(), uncertainty: None };
         let text = file.to_toml().unwrap();
         assert!(text.contains("500.0") && text.contains("-250.0"), "{text}");

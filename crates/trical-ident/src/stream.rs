@@ -6,11 +6,13 @@
 //!    end when a step is below what the data can tell. The first step is as long as the sample is uncertain, and the error of a
 //!    step is of second order, so that two passes do.
 //!
+//! Poses with fixed references are registered by the places that these have in the sample.
+//!
 //! Gross errors are judged row by row as in memory, in the first of the passes, by the robust fit of the richest model, which here
 //! has seen the sample. The sums are products where the sample is far from losing rank, else orthogonal factors, which keep the
 //! digits that products would square away. Sums of blocks are joined in order: the number of threads changes no bit.
 
-use trical_model::{Cell, Forward, Model, Robot, Workspace};
+use trical_model::{Cell, Forward, Joints, Measured, Model, Robot, Workspace};
 use trical_recording::CsvStream;
 use trical_recording::stream::BlockRows;
 
@@ -23,6 +25,7 @@ use crate::identifiability::{Choice, ParameterSet, WELL_CONDITIONED, covariance,
 use crate::identify::{ErrorSummary, Identified, identify, rank_deficient, tells_apart};
 use crate::noise::{Noise, Squares};
 use crate::normal::{Keep, Rows};
+use crate::references::{References, Seen, move_by};
 use crate::solver::{Ended, Factored, LmReport};
 
 /// Rejected rows that are named; the rest is counted.
@@ -148,6 +151,17 @@ struct BlockVerdict {
     named: Vec<Rejected>,
     before: ErrorSums,
     marks: Marks,
+}
+
+impl BlockVerdict {
+    /// An observation is not used, for this reason.
+    fn reject(&mut self, o: &Observation, name: &str, reason: impl FnOnce() -> String) {
+        self.rejected += 1;
+        self.marks.set(o.row - 1);
+        if self.named.len() < NAMED {
+            self.named.push(Rejected { recording: name.to_owned(), line: o.line, row: o.row, reason: reason() });
+        }
+    }
 }
 
 /// Sums of one pass, or of one block of it.
@@ -369,47 +383,115 @@ impl Pass<'_> {
 
     /// One block's share.
     fn add_up(&self, index: usize, rows: &BlockRows<'_>) -> Result<Sums> {
-        let Self { fit, noise, data, .. } = self;
-        let name = &data.names[index];
-        let marks = self.known.and_then(|v| v.marks.get(index)?.get(rows.number()));
-        let mut found = BlockVerdict::default();
-        let mut sums = Sums::new(fit.free().len(), data.names.len(), self.keep);
-        let mut ws = fit.workspace();
-        let mut judges = (self.judges.nominal.workspace(), self.judges.robust.map(|r| r.0.workspace()));
-        let mut number = 0;
+        let data = self.data;
+        let frame = data.frame_of_recording[index];
+        let references = frame.map(|frame| &data.references[frame]).filter(|r| r.can_register());
+        let mut block = PartOfPass::new(self, index, rows.number());
+        let (mut number, mut pose) = (0, AtPose::default());
         rows.each_row::<IdentError>(&mut |row| {
             number += 1;
-            if marks.is_some_and(|m| m.has(number - 1)) {
-                return Ok(());
-            }
             let o = Observation {
-                state: data.joints.state(&row, name)?.numbered(row.seq),
+                state: data.joints.state(&row, &data.names[index])?.numbered(row.seq),
                 measured: row.measured,
-                frame: data.frame_of_recording[index].unwrap_or(0),
+                frame: frame.unwrap_or(0),
                 pose: 0,
                 recording: index,
                 row: number,
                 line: row.line,
             };
-            if self.known.is_none() {
-                fit.check(&o.state, &o.measured, o.frame).map_err(|e| data.error(&o, e.to_string()))?;
-                if !self.judges.accept(&o, name, &mut judges, &mut found) {
-                    return Ok(());
-                }
+            let Some(references) = references else { return block.take(&o) };
+            if pose.q.is_some_and(|q| q != o.state.q) {
+                block.take_pose(references, std::mem::take(&mut pose))?;
             }
-            sums.rows.observe(fit, &mut ws, &o, noise, f64::INFINITY);
-            let rows = trical_model::residual_rows(&o.measured);
-            sums.after.add(length(&ws.residual()[..rows.min(3)]));
-            let in_sigma = |k: usize| ws.residual()[k] / noise.sigma(index, &o.measured, k);
-            let weighted: [f64; 6] = std::array::from_fn(|k| if k < rows { in_sigma(k) } else { 0.0 });
-            sums.squares.add(index, &o.measured, &weighted[..rows]);
-            sums.count += 1;
+            pose.q = Some(o.state.q);
+            match o.measured {
+                Measured::Reference { reference, position } => pose.seen.push((reference, position.into())),
+                _ => pose.observations.push(o),
+            }
             Ok(())
         })?;
+        if let Some(references) = references {
+            block.take_pose(references, pose)?;
+        }
+        let PartOfPass { mut sums, mut found, .. } = block;
         sums.rows.flush();
         found.rows = number;
         sums.verdict = self.known.is_none().then_some(found);
         Ok(sums)
+    }
+}
+
+/// Rows at the same joints.
+#[derive(Default)]
+struct AtPose {
+    q: Option<Joints>,
+    seen: Vec<Seen>,
+    observations: Vec<Observation>,
+}
+
+/// What a pass knows of a block so far.
+struct PartOfPass<'a> {
+    pass: &'a Pass<'a>,
+    /// Rows that are not used, once that is known.
+    marks: Option<&'a Marks>,
+    found: BlockVerdict,
+    sums: Sums,
+    ws: Workspace,
+    judges: (Workspace, Option<Workspace>),
+}
+
+impl<'a> PartOfPass<'a> {
+    /// Block `number` of file `index`.
+    fn new(pass: &'a Pass<'a>, index: usize, number: usize) -> Self {
+        Self {
+            pass,
+            marks: pass.known.and_then(|v| v.marks.get(index)?.get(number)),
+            found: BlockVerdict::default(),
+            sums: Sums::new(pass.fit.free().len(), pass.data.names.len(), pass.keep),
+            ws: pass.fit.workspace(),
+            judges: (pass.judges.nominal.workspace(), pass.judges.robust.map(|r| r.0.workspace())),
+        }
+    }
+
+    /// Adds what was measured at a pose, moved as its references say.
+    fn take_pose(&mut self, references: &References, mut at: AtPose) -> Result<()> {
+        match references.register(&at.seen) {
+            Ok(pose) => {
+                for o in &mut at.observations {
+                    move_by(&pose, &mut o.measured);
+                    self.take(o)?;
+                }
+            }
+            Err(reason) if self.pass.known.is_none() => {
+                let name = |o: &Observation| self.pass.data.names[o.recording].clone();
+                at.observations.iter().for_each(|o| self.found.reject(o, &name(o), || reason.clone()));
+            }
+            Err(_) => {}
+        }
+        Ok(())
+    }
+
+    /// Adds an observation, unless it is not used.
+    fn take(&mut self, o: &Observation) -> Result<()> {
+        let Pass { fit, noise, data, judges, known, .. } = self.pass;
+        if self.marks.is_some_and(|m| m.has(o.row - 1)) {
+            return Ok(());
+        }
+        if known.is_none() {
+            fit.check(&o.state, &o.measured, o.frame).map_err(|e| data.error(o, e.to_string()))?;
+            if !judges.accept(o, &data.names[o.recording], &mut self.judges, &mut self.found) {
+                return Ok(());
+            }
+        }
+        let Self { sums, ws, .. } = self;
+        sums.rows.observe(fit, ws, o, noise, f64::INFINITY);
+        let rows = trical_model::residual_rows(&o.measured);
+        sums.after.add(length(&ws.residual()[..rows.min(3)]));
+        let in_sigma = |k: usize| ws.residual()[k] / noise.sigma(o.recording, &o.measured, k);
+        let weighted: [f64; 6] = std::array::from_fn(|k| if k < rows { in_sigma(k) } else { 0.0 });
+        sums.squares.add(o.recording, &o.measured, &weighted[..rows]);
+        sums.count += 1;
+        Ok(())
     }
 }
 
@@ -426,17 +508,10 @@ impl Judges<'_> {
             let (in_sigma, rows) = weighted(robust, o, noise, ws);
             let off = length(&in_sigma[..rows]);
             if off > GROSS || off.is_nan() {
-                found.rejected += 1;
-                found.marks.set(o.row - 1);
-                if found.named.len() < NAMED {
+                found.reject(o, name, || {
                     let r = ws.residual()[..rows].to_vec();
-                    found.named.push(Rejected {
-                        recording: name.to_owned(),
-                        line: o.line,
-                        row: o.row,
-                        reason: gross_error(&r, &in_sigma[..rows], right_ball(robust, noise, o, ws)),
-                    });
-                }
+                    gross_error(&r, &in_sigma[..rows], right_ball(robust, noise, o, ws))
+                });
                 return false;
             }
         }

@@ -182,13 +182,76 @@ fn a_bad_row_far_down_is_named_with_its_line() {
     assert!(message.contains("line 20001: found 3 fields, expected 11"), "{message}");
 }
 
+/// Both targets at each pose, and before them three fixed references, from a tracker that stands elsewhere each time. Reference 2 was bumped at pose
+/// 10, reference 3 is hidden at pose 2000, all are at pose 2500, and target 1 is off by 2 mm at pose 2900.
+fn write_with_references(model: &Model, poses: usize, noise: f64, seed: u64) -> (tempfile::TempDir, PathBuf) {
+    let mut rng = Pcg64Mcg::seed_from_u64(seed);
+    let normal = rand_distr::Normal::new(0.0, noise).unwrap();
+    let forward = Forward::new(model.clone(), Vec::new()).unwrap();
+    let mut ws = forward.workspace();
+    let references = [[0.0, 0.0, 0.0], [1.2, 0.1, 0.3], [-0.2, 0.9, 0.6]].map(nalgebra::Vector3::from);
+    let mut text = String::from("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,target,reference,x_mm,y_mm,z_mm\n");
+    for k in 0..poses {
+        let q: Vec<f64> =
+            model.robot.joints.iter().map(|j| rng.random_range(0.7 * j.limits[0]..0.7 * j.limits[1])).collect();
+        let mut by = || rng.random_range(-0.05..0.05);
+        let elsewhere = Pose {
+            rotation: trical_model::pose::rotation_zyx(by(), by(), by()),
+            translation: nalgebra::Vector3::new(by(), by(), by()),
+        };
+        let mut seen: Vec<(String, nalgebra::Vector3<f64>)> = Vec::new();
+        for (r, p) in references.iter().enumerate() {
+            let hidden = k == 2500 || (k, r) == (2000, 2);
+            let bumped = if (k, r) == (10, 1) { 2e-3 } else { 0.0 };
+            if !hidden {
+                seen.push((format!(",{}", r + 1), p + nalgebra::Vector3::new(0.0, 0.0, bumped)));
+            }
+        }
+        for target in 0..2 {
+            forward.residual(&State::at(&q), &Measured::Point { target, position: [0.0; 3] }, 0, &mut ws);
+            let mut p = nalgebra::Vector3::from_column_slice(&ws.residual()[..3]);
+            p.x += if (k, target) == (2900, 0) { 2e-3 } else { 0.0 };
+            seen.push((format!("{},", target + 1), p));
+        }
+        let joints: Vec<String> = q.iter().map(|v| v.to_degrees().to_string()).collect();
+        for (which, p) in seen {
+            let p = elsewhere.apply(&p).map(|v| (v + normal.sample(&mut rng)) * 1e3);
+            writeln!(text, "{},{which},{},{},{}", joints.join(","), p.x, p.y, p.z).unwrap();
+        }
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("references.csv");
+    std::fs::write(&path, text).unwrap();
+    (dir, path)
+}
+
 #[test]
-fn recordings_with_references_are_not_streamed() {
+fn poses_with_references_are_registered_in_blocks_as_in_memory() {
+    let (_dir, path) = write_with_references(&truth(frame()), 5000, 2e-5, 8);
+    assert!(std::fs::metadata(&path).unwrap().len() > 3 << 20, "several blocks are needed");
+    let found = streamed(std::slice::from_ref(&path));
+    let sample = CsvStream::open(std::slice::from_ref(&path), 6).unwrap().sample().unwrap();
+    let rows = &sample.recordings[0].rows;
+    let whole = rows.chunk_by(|a, b| a.state.q == b.state.q).filter(|pose| pose.len() == 5).count();
+    assert!(whole > 1000 && 5 * whole + 6 >= rows.len(), "{whole} whole poses in {} rows", rows.len());
+    let reasons: Vec<&str> = found.named.iter().map(|r| r.reason.as_str()).collect();
+    assert_eq!(reasons.len(), 7, "{reasons:?}");
+    assert!(reasons[0].starts_with("a reference is ") && reasons[1] == reasons[0], "{reasons:?}");
+    assert!(reasons[2].starts_with("only 2 of 3 references were seen"), "{reasons:?}");
+    assert_eq!(reasons[4], "no references were seen at this pose");
+    // places of the references are those of the sample: they are as well known as the frame
+    let (off, sd_off) = compare(&[path]);
+    assert!(off < 0.05 && sd_off < 1e-3, "{off} {sd_off}");
+}
+
+#[test]
+fn a_pose_that_is_longer_than_a_block_is_not_cut() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("r.csv");
-    std::fs::write(&path, "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,reference,x_mm,y_mm,z_mm\n").unwrap();
-    let message = CsvStream::open(&[path], 6).unwrap_err().to_string();
-    assert!(message.contains("column reference"), "{message}");
+    let header = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,target,reference,x_mm,y_mm,z_mm\n";
+    std::fs::write(&path, header.to_owned() + &"1,2,3,4,5,6,,1,0.25,0.5,0.75\n".repeat(50_000)).unwrap();
+    let message = CsvStream::open(&[path], 6).unwrap().sample().unwrap_err().to_string();
+    assert!(message.contains("the rows of one pose, from line 2 on, are longer than 1048576 bytes"), "{message}");
 }
 
 #[test]

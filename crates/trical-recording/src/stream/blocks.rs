@@ -4,7 +4,8 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use crate::csv::{csv_reader, is_untidy};
+use super::same_joints;
+use crate::csv::{Parser, csv_reader, is_untidy};
 use crate::error::{RecordError, Result};
 
 /// Bytes of a block.
@@ -32,6 +33,8 @@ pub(super) struct Block {
 /// The blocks of a file, one after the other.
 pub(super) struct Blocks<'a> {
     source: &'a Source,
+    /// Reads the joints where no pose may be cut.
+    whole_poses: Option<&'a Parser<'a>>,
     file: File,
     carry: Vec<u8>,
     lines: usize,
@@ -69,10 +72,11 @@ impl Source {
         Ok(this)
     }
 
-    pub(super) fn blocks(&self) -> Result<Blocks<'_>> {
+    /// The blocks; with a parser none of them ends between two rows of one pose.
+    pub(super) fn blocks<'a>(&'a self, whole_poses: Option<&'a Parser<'a>>) -> Result<Blocks<'a>> {
         let mut file = File::open(&self.path).map_err(|e| self.error(format!("cannot be read: {e}")))?;
         file.seek(SeekFrom::Start(self.offset)).map_err(|e| self.error(format!("cannot be read: {e}")))?;
-        Ok(Blocks { source: self, file, carry: Vec::new(), lines: 1, number: 0 })
+        Ok(Blocks { source: self, whole_poses, file, carry: Vec::new(), lines: 1, number: 0 })
     }
 }
 
@@ -101,11 +105,34 @@ impl Blocks<'_> {
                     self.lines + 1
                 )));
             };
-            self.carry = bytes.split_off(end + 1);
+            let end = match self.whole_poses {
+                Some(parser) => self.before_last_pose(parser, &bytes[..=end])?,
+                None => end + 1,
+            };
+            self.carry = bytes.split_off(end);
         }
         let lines_before = self.lines;
         self.lines += bytes.iter().filter(|b| **b == b'\n').count();
         self.number += 1;
         Ok(Some(Block { bytes, lines_before, number: self.number - 1 }))
+    }
+
+    /// Where the last pose of whole lines begins.
+    fn before_last_pose(&self, parser: &Parser<'_>, lines: &[u8]) -> Result<usize> {
+        let (mut from, mut after) = (lines.len(), None);
+        while from > 0 {
+            let line = lines[..from - 1].iter().rposition(|b| *b == b'\n').map_or(0, |end| end + 1);
+            let joints = parser.joints_of(&lines[line..from]);
+            if let (Some(joints), Some(after)) = (&joints, &after)
+                && !same_joints(joints, after)
+            {
+                return Ok(from);
+            }
+            (from, after) = (line, joints.or(after));
+        }
+        Err(self.source.error(format!(
+            "the rows of one pose, from line {} on, are longer than {BLOCK} bytes; such a file is read at once only, not in passes",
+            self.lines + 1
+        )))
     }
 }

@@ -39,7 +39,7 @@ pub fn open_large(recordings: &[PathBuf], robot: &Robot, wanted: bool, allowed: 
     match open(&of_mcap, robot) {
         Ok(stream) => Ok(Some(stream)),
         Err(e) if wanted => Err(e),
-        // what cannot be read in passes (fixed references, a pipe) is read at once, and has its errors named there
+        // what cannot be read in passes (places, a pipe) is read at once, and has its errors named there
         Err(_) => Ok(None),
     }
 }

@@ -57,9 +57,9 @@ impl BlockRows<'_> {
     }
 }
 
-/// Rows that one block offers to the sample.
+/// Rows that one block offers to the sample: those that are kept together, and whether they were picked.
 struct Offered {
-    rows: Vec<(Row, bool)>,
+    rows: Vec<(Vec<Row>, bool)>,
     left_out: Vec<usize>,
     count: usize,
     first_t: Option<Row>,
@@ -79,8 +79,7 @@ impl CsvStream {
     /// Opens recordings of an arm with `joints` joints and reads their headers.
     ///
     /// # Errors
-    /// A file that cannot be read, or a header that is not a recording's. Fixed references, since a pose is registered by them
-    /// with a view to all others. Places, since all of them must be known first.
+    /// A file that cannot be read, or a header that is not a recording's. Places, since all of them must be known first.
     pub fn open(paths: &[PathBuf], joints: usize) -> Result<Self> {
         Self::open_as(paths.iter().map(|p| (p.clone(), p.display().to_string())), joints, None)
     }
@@ -94,12 +93,6 @@ impl CsvStream {
         let files = files.into_iter().map(|(path, name)| Source::open(&path, name)).collect::<Result<Vec<_>>>()?;
         for f in &files {
             let parser = Parser::new(&f.name, &f.header, joints)?;
-            if parser.has(Field::Reference) {
-                return Err(f.error(
-                    "has a column reference; recordings with fixed references cannot be identified pass by pass, expected \
-                     one without them or small enough for the memory",
-                ));
-            }
             if parser.has(Field::Place) {
                 return Err(f.error(
                     "has a column place; recordings with places cannot be identified pass by pass, expected one without \
@@ -137,7 +130,7 @@ impl CsvStream {
     ) -> Result<(), E> {
         for (index, source) in self.files.iter().enumerate() {
             let parser = Parser::new(&source.name, &source.header, self.joints)?;
-            let mut blocks = source.blocks()?;
+            let mut blocks = source.blocks(parser.has(Field::Reference).then_some(&parser))?;
             loop {
                 let mut batch = Vec::with_capacity(BATCH);
                 while batch.len() < BATCH
@@ -167,7 +160,7 @@ impl CsvStream {
         for source in &self.files {
             start.push(
                 source
-                    .blocks()?
+                    .blocks(None)?
                     .next()?
                     .map_or((0, 0), |b| (b.bytes.len() as u64, b.bytes.iter().filter(|c| **c == b'\n').count() as u64)),
             );
@@ -191,20 +184,32 @@ impl CsvStream {
                     last_t: f64::NEG_INFINITY,
                 };
                 let mut seen: BTreeMap<_, usize> = BTreeMap::new();
+                let mut offer = |together: &[Row]| {
+                    let picked = together.first().is_some_and(|row| scatter(row.line, index).is_multiple_of(every));
+                    if are_first(together, |row| row.measured.of_which(), &mut seen) || picked {
+                        offered.rows.push((together.to_vec(), picked));
+                    }
+                };
+                let whole_poses = rows.parser.has(Field::Reference);
+                let mut pose: Vec<Row> = Vec::new();
                 let left_out = rows.each_row(&mut |row| {
                     rows.parser.in_order(&row, &mut offered.last_t)?;
                     if offered.first_t.is_none() && row.state.t.is_some() {
                         offered.first_t = Some(row);
                     }
                     offered.count += 1;
-                    let picked = scatter(row.line, index).is_multiple_of(every);
-                    let before = seen.entry(row.measured.of_which()).or_insert(0);
-                    *before += 1;
-                    if picked || *before <= FIRST {
-                        offered.rows.push((row, picked));
+                    if !whole_poses {
+                        offer(std::slice::from_ref(&row));
+                        return Ok::<_, RecordError>(());
                     }
-                    Ok::<_, RecordError>(())
+                    if pose.last().is_some_and(|last| !at_one_pose(last, &row)) {
+                        offer(&pose);
+                        pose.clear();
+                    }
+                    pose.push(row);
+                    Ok(())
                 })?;
+                offer(&pose);
                 Ok(Offered { left_out, ..offered })
             },
             &mut |index, offered: Offered| {
@@ -216,11 +221,13 @@ impl CsvStream {
                 left_out[index].extend(offered.left_out);
                 rows += offered.count;
                 rows_of_file[index] += offered.count;
-                for (row, picked) in offered.rows {
-                    let before = seen.entry((index, row.measured.of_which())).or_insert(0);
-                    *before += 1;
-                    if picked || *before <= FIRST {
-                        recordings[index].rows.push(row);
+                let rows = &mut recordings[index].rows;
+                for (together, picked) in offered.rows {
+                    let are_first = are_first(&together, |row| (index, row.measured.of_which()), &mut seen);
+                    // another visit to the same joints would be taken for the same pose
+                    let again = together.len() > 1 && rows.last().is_some_and(|last| at_one_pose(last, &together[0]));
+                    if (picked || are_first) && !again {
+                        rows.extend(together);
                     }
                 }
                 Ok(())
@@ -234,4 +241,23 @@ impl CsvStream {
         }
         Ok(Sample { recordings, rows })
     }
+}
+
+/// Whether some of the rows are among the first of their sort, `seen` so often before.
+fn are_first<T: Ord>(rows: &[Row], sort: impl Fn(&Row) -> T, seen: &mut BTreeMap<T, usize>) -> bool {
+    rows.iter().fold(false, |any, row| {
+        let before = seen.entry(sort(row)).or_insert(0);
+        *before += 1;
+        any || *before <= FIRST
+    })
+}
+
+/// Whether two rows, one after the other, are of one pose, be it by the joints that were reported or by those that were commanded.
+fn at_one_pose(a: &Row, b: &Row) -> bool {
+    a.state.q == b.state.q || a.state.q_commanded.is_some() && a.state.q_commanded == b.state.q_commanded
+}
+
+/// The same of the joints as [`Parser::joints_of`] has them.
+fn same_joints(a: &[Vec<f64>; 2], b: &[Vec<f64>; 2]) -> bool {
+    a[0] == b[0] || !a[1].is_empty() && a[1] == b[1]
 }

@@ -2,10 +2,11 @@
 
 use std::fmt::Write as _;
 
-use serde_json::{Map, Value as Json};
+use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, Visitor};
+use serde_json::Value as Json;
 use trical_model::recording::{Joints, MAX_JOINTS, Measured, Row, State};
 
-use crate::columns::{COLUMNS, Field, Kind, Names, Unit, Value, column, value};
+use crate::columns::{COLUMNS, FIELDS, Field, Kind, Names, Unit, Value, column, find, value};
 use crate::shared::{Places, Shared};
 
 /// A row as JSON, with what it has.
@@ -63,39 +64,7 @@ pub struct RowRead {
 /// # Errors
 /// One sentence: no JSON, an unknown or missing key, a wrong value.
 pub fn row_from_json(text: &[u8], places: &mut Places) -> Result<RowRead, String> {
-    let value: Json = serde_json::from_slice(text).map_err(|error| format!("no JSON ({error})"))?;
-    let Json::Object(map) = value else { return Err("no JSON object".to_owned()) };
-    let mut fields = Fields(map);
-
-    let (q, prismatic, joints) = fields.joints(Field::Joints)?;
-    if joints == 0 {
-        return Err("no key \"q1_deg\"; every measurement needs its joint angles".to_owned());
-    }
-    let (commanded, slides, count) = fields.joints(Field::Commanded)?;
-    let q_commanded = of_each_joint("qc1_deg", commanded, count, joints)?;
-    if q_commanded.is_some() && slides != prismatic {
-        return Err("keys q1_deg... and qc1_deg... have different units".to_owned());
-    }
-    let (torques, _, count) = fields.joints(Field::Torques)?;
-    let torques = of_each_joint("tau1_nm", torques, count, joints)?;
-    let state = State {
-        q,
-        q_commanded,
-        dir: fields.directions(joints)?,
-        t: fields.one(Field::Time)?,
-        seq: None,
-        temp_c: fields.one(Field::Temperature)?,
-        payload_kg: fields.one(Field::Payload)?,
-        torques,
-        place: fields.place(places)?,
-        session: None,
-    };
-    let seq = fields.integer("seq")?;
-    let measured = fields.measured()?;
-    if let Some(key) = fields.0.keys().next() {
-        return Err(format!("unknown key {key:?}"));
-    }
-    Ok(RowRead { row: Row { state, measured, seq, line: 0 }, joints, prismatic })
+    Fields::default().row(text, places)
 }
 
 /// All values, or none.
@@ -107,16 +76,159 @@ fn of_each_joint(first: &str, values: Joints, count: usize, joints: usize) -> Re
     }
 }
 
-struct Fields(Map<String, Json>);
+/// The fields of messages, one message after the other. Those of a recording have the same keys in the same order, so that each key is looked
+/// up once.
+#[derive(Default)]
+pub(crate) struct Fields {
+    /// Those of columns.
+    keys: Vec<String>,
+    /// Which key is that of a column's component in each of its units, counted from 1; 0 for none.
+    of_column: [[[usize; 2]; MAX_JOINTS]; FIELDS],
+    /// Of each key, until it is taken.
+    values: Vec<Option<Json>>,
+    /// The first key of the message, by its letters, that is none of a column's.
+    unknown: Option<String>,
+}
+
+impl<'de> DeserializeSeed<'de> for &mut Fields {
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, from: D) -> Result<(), D::Error> {
+        from.deserialize_map(self)
+    }
+}
+
+impl<'de> Visitor<'de> for &mut Fields {
+    type Value = ();
+
+    fn expecting(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        out.write_str("an object")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<(), A::Error> {
+        self.values.clear();
+        self.unknown = None;
+        while let Some(k) = map.next_key_seed(Key(self))? {
+            let value = Some(map.next_value()?);
+            match k.map(|k| self.values.get_mut(k)) {
+                // of a key that comes twice the last value counts
+                Some(Some(before)) => *before = value,
+                Some(None) => self.values.push(value),
+                None => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The next key of a message: which one it is.
+struct Key<'a>(&'a mut Fields);
+
+impl<'de> DeserializeSeed<'de> for Key<'_> {
+    type Value = Option<usize>;
+
+    fn deserialize<D: Deserializer<'de>>(self, from: D) -> Result<Option<usize>, D::Error> {
+        from.deserialize_str(self)
+    }
+}
+
+impl Visitor<'_> for Key<'_> {
+    type Value = Option<usize>;
+
+    fn expecting(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        out.write_str("a key")
+    }
+
+    fn visit_str<E: Error>(self, key: &str) -> Result<Option<usize>, E> {
+        Ok(self.0.next(key))
+    }
+}
 
 impl Fields {
-    /// A number in SI; in the file it has this unit.
-    fn number(&mut self, key: &str, unit: Unit) -> Result<Option<f64>, String> {
-        let Some(value) = self.0.remove(key) else { return Ok(None) };
+    /// Which key this is, behind those that have values; `None` where it is unknown.
+    fn next(&mut self, key: &str) -> Option<usize> {
+        let k = self.values.len();
+        if self.keys.get(k).is_some_and(|before| before == key) {
+            return Some(k);
+        }
+        let found = find(key).and_then(|(c, j, unit)| Some((c.field, j, c.units.iter().position(|u| *u == unit)?)));
+        let Some((field, j, which)) = found else {
+            if self.unknown.as_ref().is_none_or(|before| key < before.as_str()) {
+                self.unknown = Some(key.to_owned());
+            }
+            return None;
+        };
+        let at = self.of_column[field as usize][j][which];
+        if (1..=k).contains(&at) {
+            return Some(at - 1);
+        }
+        // another message than the one before
+        self.keys.truncate(k);
+        self.keys.push(key.to_owned());
+        self.of_column.as_flattened_mut().as_flattened_mut().iter_mut().filter(|at| **at > k).for_each(|at| *at = 0);
+        self.of_column[field as usize][j][which] = k + 1;
+        Some(k)
+    }
+
+    /// Reads a row; `places` are those of the recording so far.
+    ///
+    /// # Errors
+    /// As [`row_from_json`].
+    pub(crate) fn row(&mut self, text: &[u8], places: &mut Places) -> Result<RowRead, String> {
+        let mut from = serde_json::Deserializer::from_slice(text);
+        if self.deserialize(&mut from).and_then(|()| from.end()).is_err() {
+            let found = serde_json::from_slice::<Json>(text);
+            return Err(found.map_or_else(|e| format!("no JSON ({e})"), |_| "no JSON object".to_owned()));
+        }
+        let (q, prismatic, joints) = self.joints(Field::Joints)?;
+        if joints == 0 {
+            return Err("no key \"q1_deg\"; every measurement needs its joint angles".to_owned());
+        }
+        let (commanded, slides, count) = self.joints(Field::Commanded)?;
+        let q_commanded = of_each_joint("qc1_deg", commanded, count, joints)?;
+        if q_commanded.is_some() && slides != prismatic {
+            return Err("keys q1_deg... and qc1_deg... have different units".to_owned());
+        }
+        let (torques, _, count) = self.joints(Field::Torques)?;
+        let torques = of_each_joint("tau1_nm", torques, count, joints)?;
+        let state = State {
+            q,
+            q_commanded,
+            dir: self.directions(joints)?,
+            t: self.one(Field::Time)?,
+            seq: None,
+            temp_c: self.one(Field::Temperature)?,
+            payload_kg: self.one(Field::Payload)?,
+            torques,
+            place: self.place(places)?,
+            session: None,
+        };
+        let seq = self.integer(Field::Seq)?;
+        let measured = self.measured()?;
+        let others = self.keys.iter().zip(&self.values).filter(|(_, value)| value.is_some());
+        if let Some(key) = others.map(|(key, _)| key).chain(&self.unknown).min() {
+            return Err(format!("unknown key {key:?}"));
+        }
+        Ok(RowRead { row: Row { state, measured, seq, line: 0 }, joints, prismatic })
+    }
+
+    /// The value of a column's component, in one of the units that the column has.
+    fn take(&mut self, field: Field, k: usize, which: usize) -> Option<Json> {
+        let at = self.of_column[field as usize][k][which].checked_sub(1)?;
+        self.values.get_mut(at)?.take()
+    }
+
+    /// A number in SI; in the file it has one of the units of its column.
+    fn number(&mut self, field: Field, k: usize, which: usize) -> Result<Option<f64>, String> {
+        let Some(value) = self.take(field, k, which) else { return Ok(None) };
+        let unit = column(field).units.get(which).copied().unwrap_or(Unit::One);
         let limit = unit.limit();
         match value.as_f64() {
             Some(v) if v.abs() <= limit => Ok(Some(unit.to_si(v))),
-            _ => Err(format!("key {key:?} is {value}; expected a number between -{limit} and {limit}")),
+            _ => {
+                let key = column(field).name(k, unit);
+                Err(format!("key {key:?} is {value}; expected a number between -{limit} and {limit}"))
+            }
         }
     }
 
@@ -127,12 +239,10 @@ impl Fields {
 
     /// The numbers of a field: all of them or none.
     fn all<const N: usize>(&mut self, field: Field) -> Result<Option<[f64; N]>, String> {
-        let column = column(field);
-        let unit = column.units.first().copied().unwrap_or(Unit::One);
         let mut values = [0.0; N];
         let (mut found, mut missing) = (None, None);
-        for (key, to) in column.names.fixed().iter().zip(&mut values) {
-            match self.number(key, unit)? {
+        for ((k, key), to) in column(field).names.fixed().iter().enumerate().zip(&mut values) {
+            match self.number(field, k, 0)? {
                 Some(value) => (*to, found) = (value, Some(key)),
                 None => missing = Some(key),
             }
@@ -144,10 +254,11 @@ impl Fields {
         }
     }
 
-    fn integer(&mut self, key: &str) -> Result<Option<u64>, String> {
-        match self.0.remove(key) {
+    fn integer(&mut self, field: Field) -> Result<Option<u64>, String> {
+        match self.take(field, 0, 0) {
             None => Ok(None),
             Some(value) => {
+                let key = column(field).words();
                 value.as_u64().map(Some).ok_or_else(|| format!("key {key:?} is {value}; expected a whole number"))
             }
         }
@@ -157,7 +268,7 @@ impl Fields {
     fn index(&mut self, field: Field) -> Result<Option<usize>, String> {
         let key = column(field).names.fixed().first().copied().unwrap_or_default();
         let most = Unit::Count.limit();
-        match self.integer(key)? {
+        match self.integer(field)? {
             None => Ok(None),
             Some(0) => Err(format!("key {key:?} is 0; expected 1 or more")),
             Some(number) if number as f64 > most => Err(format!("key {key:?} is {number}; expected {most} at most")),
@@ -172,7 +283,7 @@ impl Fields {
         for k in 0..MAX_JOINTS {
             let mut found = None;
             for (which, unit) in column.units.iter().enumerate() {
-                if let Some(v) = self.number(&column.name(k, *unit), *unit)? {
+                if let Some(v) = self.number(field, k, which)? {
                     if found.is_some() {
                         return Err(format!("key {:?} twice, in two units", column.name(k, *unit)));
                     }
@@ -189,13 +300,15 @@ impl Fields {
         let mut dir = [0; MAX_JOINTS];
         let mut count = 0;
         for (joint, dir) in dir.iter_mut().take(joints).enumerate() {
-            let key = column(Field::Directions).name(joint, Unit::Sign);
-            let Some(value) = self.0.remove(&key) else { continue };
+            let Some(value) = self.take(Field::Directions, joint, 0) else { continue };
             *dir = match value.as_i64() {
                 Some(-1) => -1,
                 Some(0) => 0,
                 Some(1) => 1,
-                _ => return Err(format!("key {key:?} is {value}; expected -1, 0 or 1")),
+                _ => {
+                    let key = column(Field::Directions).name(joint, Unit::Sign);
+                    return Err(format!("key {key:?} is {value}; expected -1, 0 or 1"));
+                }
             };
             count += 1;
         }
@@ -207,7 +320,7 @@ impl Fields {
     }
 
     fn place(&mut self, places: &mut Places) -> Result<Option<usize>, String> {
-        let name = match self.0.remove("place") {
+        let name = match self.take(Field::Place, 0, 0) {
             None => return Ok(None),
             Some(Json::String(name)) => name.trim().to_owned(),
             Some(Json::Number(number)) => number.to_string(),
@@ -383,6 +496,37 @@ mod tests {
         assert!(says("{\"q1_deg\":1,\"place\":[]}").contains("a name or a number"));
         assert!(says("[]").contains("object"));
         assert!(says("nonsense").contains("no JSON"));
+    }
+
+    #[test]
+    fn what_a_message_says_does_not_hang_on_those_before_it() {
+        let touch = "{\"q1_deg\":1,\"ball\":1,\"ix_mm\":1,\"iy_mm\":2,\"iz_mm\":3}";
+        let messages = [
+            touch,
+            "{\"t_s\":2,\"q1_deg\":1,\"q2_mm\":3,\"d_mm\":500}",
+            "{\"q1_deg\":1,\"ball\":1,\"ix_mm\":1,\"iy_mm\":2}",
+            // the last value of a key counts, wherever the first one stands
+            "{\"q1_deg\":1,\"ball\":1,\"q1_deg\":2,\"ix_mm\":1,\"iy_mm\":2,\"iz_mm\":3,\"ball\":2}",
+            "{\"ball\":1,\"q1_deg\":1,\"ix_mm\":1,\"iy_mm\":2,\"iz_mm\":3}",
+            "{\"zz\":1,\"q1_deg\":1,\"ball\":1,\"x_m\":1,\"ix_mm\":1,\"iy_mm\":2,\"iz_mm\":3}",
+            "[1]",
+            "{\"q1_deg\":1,",
+            touch,
+        ];
+        let mut fields = Fields::default();
+        for message in messages {
+            let alone = row_from_json(message.as_bytes(), &mut Places::default());
+            assert_eq!(fields.row(message.as_bytes(), &mut Places::default()), alone, "{message}");
+        }
+        let read = |k: usize| fields_of(messages[k]).unwrap().row;
+        assert_eq!(read(3).state.q[0], 2_f64.to_radians());
+        assert!(matches!(read(3).measured, Measured::Touch { ball: 1, .. }));
+        // of several unknown keys the first by its letters is told
+        assert_eq!(fields_of(messages[5]).unwrap_err(), "unknown key \"x_m\"");
+    }
+
+    fn fields_of(text: &str) -> Result<RowRead, String> {
+        row_from_json(text.as_bytes(), &mut Places::default())
     }
 
     proptest::proptest! {

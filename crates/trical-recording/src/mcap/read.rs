@@ -190,6 +190,7 @@ struct Interpreter<'a> {
     path: &'a Path,
     joints: Option<(usize, [bool; MAX_JOINTS])>,
     places: Places,
+    fields: json::Fields,
     moved: bool,
     motion: MotionSense,
     /// Messages so far of each channel.
@@ -202,6 +203,7 @@ impl<'a> Interpreter<'a> {
             path,
             joints: None,
             places: Places::default(),
+            fields: json::Fields::default(),
             moved: false,
             motion: MotionSense::default(),
             numbers: BTreeMap::new(),
@@ -240,7 +242,7 @@ impl<'a> Interpreter<'a> {
                 Ok(Said::Joints(q))
             }
             schema::MEASUREMENT => {
-                let read = json::row_from_json(&message.data, &mut self.places).map_err(wrong)?;
+                let read = self.fields.row(&message.data, &mut self.places).map_err(wrong)?;
                 let (mut row, count) = (read.row, read.joints);
                 match self.joints {
                     Some((before, _)) if before != count => {

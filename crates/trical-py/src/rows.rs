@@ -436,10 +436,6 @@ impl PyRows {
     /// A column as an array, or None where no row has it.
     fn column<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
         let (rows, n) = (&self.0.rows, self.0.joints);
-        let joints = |f: &dyn Fn(&Row) -> Option<[f64; MAX_JOINTS]>| -> Option<Bound<'py, PyAny>> {
-            wide(py, rows, n, &|r| f(r).map(|q| q[..n].to_vec()))
-        };
-        let xyz = |f: &dyn Fn(&Row) -> Option<[f64; 3]>| wide(py, rows, 3, &|r| f(r).map(|v| v.to_vec()));
         let whole = |f: &dyn Fn(&Row) -> Option<usize>| {
             let any = rows.iter().any(|r| f(r).is_some());
             any.then(|| column(py, rows, &|r| f(r).map_or(0_i64, |k| i64::try_from(k + 1).unwrap_or(0))))
@@ -448,9 +444,9 @@ impl PyRows {
             rows.iter().any(|r| f(r).is_some()).then(|| column(py, rows, &|r| f(r).unwrap_or(f64::NAN)))
         };
         Ok(match name {
-            "q" => joints(&|r| Some(r.state.q)),
-            "commanded" => joints(&|r| r.state.q_commanded),
-            "torques" => joints(&|r| r.state.torques),
+            "q" => wide(py, rows, n, |r| Some(r.state.q)),
+            "commanded" => wide(py, rows, n, |r| r.state.q_commanded),
+            "torques" => wide(py, rows, n, |r| r.state.torques),
             "place" if self.0.places.is_empty() => None,
             "place" => {
                 let name = |r: &Row| r.state.place.and_then(|k| self.0.places.get(k)).cloned().unwrap_or_default();
@@ -465,7 +461,7 @@ impl PyRows {
                 Some(all.into_pyarray(py).into_any())
             }
             // nan can say that a row has none
-            "directions" => joints(&|r| r.state.dir.map(|d| d.map(f64::from))),
+            "directions" => wide(py, rows, n, |r| r.state.dir.map(|d| d.map(f64::from))),
             "time" => number(&|r| r.state.t),
             "temperature" => number(&|r| r.state.temp_c),
             "payload" => number(&|r| r.state.payload_kg),
@@ -485,18 +481,18 @@ impl PyRows {
                 Measured::Distance { length, .. } => Some(length),
                 _ => None,
             }),
-            "indicators" => xyz(&|r| match r.measured {
+            "indicators" => wide(py, rows, 3, |r| match r.measured {
                 Measured::Touch { reading, .. } => Some(reading),
                 _ => None,
             }),
-            "position" => xyz(&|r| match r.measured {
+            "position" => wide(py, rows, 3, |r| match r.measured {
                 Measured::Point { position, .. }
                 | Measured::Reference { position, .. }
                 | Measured::Pose { position, .. } => Some(position),
                 _ => None,
             }),
-            "orientation" => wide(py, rows, 4, &|r| match r.measured {
-                Measured::Pose { quaternion, .. } => Some(quaternion.to_vec()),
+            "orientation" => wide(py, rows, 4, |r| match r.measured {
+                Measured::Pose { quaternion, .. } => Some(quaternion),
                 _ => None,
             }),
             other => return Err(bad(format!("a recording has no column {other}"))),
@@ -518,20 +514,17 @@ fn column<'py, T: Element>(py: Python<'py>, rows: &[Row], f: &dyn Fn(&Row) -> T)
     Array1::from_iter(rows.iter().map(f)).into_pyarray(py).into_any()
 }
 
-/// An array (n, width), nan where a row has nothing; `None` where none has.
-fn wide<'py>(
+/// An array (n, width) of the first numbers, nan where a row has nothing; `None` where none has.
+fn wide<'py, const N: usize>(
     py: Python<'py>,
     rows: &[Row],
     width: usize,
-    f: &dyn Fn(&Row) -> Option<Vec<f64>>,
+    f: impl Fn(&Row) -> Option<[f64; N]>,
 ) -> Option<Bound<'py, PyAny>> {
-    let mut all = Array2::from_elem((rows.len(), width), f64::NAN);
-    let mut any = false;
-    for (mut to, row) in all.rows_mut().into_iter().zip(rows) {
-        if let Some(v) = f(row) {
-            any = true;
-            to.iter_mut().zip(v).for_each(|(to, from)| *to = from);
-        }
+    if !rows.iter().any(|r| f(r).is_some()) {
+        return None;
     }
-    any.then(|| all.into_pyarray(py).into_any())
+    let mut all = Vec::with_capacity(rows.len() * width);
+    rows.iter().for_each(|r| all.extend_from_slice(&f(r).unwrap_or([f64::NAN; N])[..width]));
+    Some(Array2::from_shape_vec((rows.len(), width), all).ok()?.into_pyarray(py).into_any())
 }

@@ -1,6 +1,7 @@
 //! Recordings as CSV: one row per measurement, columns known by name (`docs/formats.md`).
 
 mod layout;
+mod lines;
 mod tidy;
 
 use std::io::Read as _;
@@ -16,6 +17,7 @@ use crate::error::{RecordError, Result};
 use crate::shared::Places;
 
 pub use layout::{CsvWriter, Layout, write_csv};
+pub(crate) use lines::{Lines, ends_of_lines};
 
 /// Where a column stands in the file, and its unit.
 #[derive(Clone, Copy, Debug)]
@@ -158,15 +160,25 @@ impl Reader<'_> {
     }
 }
 
-struct Cells<'a, 'r> {
+struct Cells<'a> {
     reader: &'a Reader<'a>,
-    record: &'r csv::StringRecord,
+    row: &'a Lines<'a>,
     line: usize,
 }
 
-impl Cells<'_, '_> {
+impl Cells<'_> {
     fn text(&self, slot: Slot) -> &str {
-        self.record.get(slot.at).unwrap_or("").trim()
+        self.row.cells.get(slot.at).map_or("", |cell| cell.text(self.row.text()))
+    }
+
+    /// The number of a plain cell; NaN where the text has to be looked at.
+    fn plain(&self, slot: Slot) -> f64 {
+        self.row.cells.get(slot.at).map_or(f64::NAN, |cell| cell.number)
+    }
+
+    fn parsed(&self, slot: Slot) -> Option<f64> {
+        let plain = self.plain(slot);
+        if plain.is_nan() { self.text(slot).parse().ok() } else { Some(plain) }
     }
 
     fn error(&self, slot: Slot, problem: String) -> RecordError {
@@ -180,9 +192,7 @@ impl Cells<'_, '_> {
 
     /// Whether nothing stands there, or a mark that people and programs set for it.
     fn empty(&self, slot: Slot) -> bool {
-        let text = self.text(slot);
-        // most numbers are longer than any of these
-        text.len() <= 4 && is_nothing(text)
+        self.plain(slot).is_nan() && is_nothing(self.text(slot))
     }
 
     /// Whether one of these is empty.
@@ -207,14 +217,20 @@ impl Cells<'_, '_> {
 
     /// A number whose size is that of an arm or an instrument, SI; the unit stands in the column's name.
     fn number(&self, slot: Slot) -> Result<f64> {
-        let limit = slot.unit.limit();
-        match self.text(slot).parse::<f64>() {
-            Ok(v) if v.abs() <= limit => Ok(slot.unit.to_si(v)),
-            Ok(v) if v.is_finite() => {
-                Err(self.unexpected(slot, &format!("between -{limit} and {limit}{}", since(slot.unit))))
-            }
-            _ => Err(self.unexpected(slot, &format!("a finite number{}", since(slot.unit)))),
+        let found = self.parsed(slot);
+        match found.filter(|v| v.abs() <= slot.unit.limit()) {
+            Some(v) => Ok(slot.unit.to_si(v)),
+            None => Err(self.no_number(slot, found)),
         }
+    }
+
+    #[cold]
+    fn no_number(&self, slot: Slot, found: Option<f64>) -> RecordError {
+        let (limit, since) = (slot.unit.limit(), since(slot.unit));
+        if found.is_some_and(f64::is_finite) {
+            return self.unexpected(slot, &format!("between -{limit} and {limit}{since}"));
+        }
+        self.unexpected(slot, &format!("a finite number{since}"))
     }
 
     fn numbers<const N: usize>(&self, slots: &[Slot]) -> Result<[f64; N]> {
@@ -236,8 +252,8 @@ impl Cells<'_, '_> {
 
     /// A whole number from `from` to the unit's limit.
     fn whole(&self, slot: Slot, from: f64, expected: &str) -> Result<u64> {
-        match self.text(slot).parse::<f64>() {
-            Ok(v) if v.fract() == 0.0 && (from..=slot.unit.limit()).contains(&v) => {
+        match self.parsed(slot) {
+            Some(v) if v.fract() == 0.0 && (from..=slot.unit.limit()).contains(&v) => {
                 let n = v as u64;
                 Ok(n)
             }
@@ -251,10 +267,10 @@ impl Cells<'_, '_> {
     }
 
     fn sign(&self, slot: Slot) -> Result<i8> {
-        match self.text(slot).parse::<f64>() {
-            Ok(1.0) => Ok(1),
-            Ok(0.0) => Ok(0),
-            Ok(-1.0) => Ok(-1),
+        match self.parsed(slot) {
+            Some(1.0) => Ok(1),
+            Some(0.0) => Ok(0),
+            Some(-1.0) => Ok(-1),
             _ => Err(self.unexpected(slot, "-1, 0 or 1")),
         }
     }
@@ -348,33 +364,33 @@ impl Cells<'_, '_> {
     }
 
     fn row(&self, slots: &Slots, places: &mut Places) -> Result<Option<Row>> {
-        let mut state = State::at(&[]);
-        state.q = self.joints(slots.all(Field::Joints))?;
-        state.q_commanded = self.optional_numbers(slots.all(Field::Commanded))?;
-        let dir = slots.all(Field::Directions);
-        if !self.all_empty(dir) {
-            let mut senses = [0; MAX_JOINTS];
-            for (d, slot) in senses.iter_mut().zip(dir) {
+        let q = self.joints(slots.all(Field::Joints))?;
+        let q_commanded = self.optional_numbers(slots.all(Field::Commanded))?;
+        let (senses, mut dir) = (slots.all(Field::Directions), None);
+        if !self.all_empty(senses) {
+            let dir = dir.insert([0; MAX_JOINTS]);
+            for (d, slot) in dir.iter_mut().zip(senses) {
                 *d = self.sign(*slot)?;
             }
-            state.dir = Some(senses);
         }
-        state.t = self.optional(slots.one(Field::Time))?;
-        state.temp_c = self.optional(slots.one(Field::Temperature))?;
-        if let Some(slot) = slots.one(Field::Temperature).filter(|_| state.temp_c.is_some_and(|t| !ROOM_C.contains(&t)))
-        {
+        let t = self.optional(slots.one(Field::Time))?;
+        let temp_c = self.optional(slots.one(Field::Temperature))?;
+        if let Some(slot) = slots.one(Field::Temperature).filter(|_| temp_c.is_some_and(|t| !ROOM_C.contains(&t))) {
             return Err(
                 self.unexpected(slot, &format!("a temperature from {} to {} degC", ROOM_C.start(), ROOM_C.end()))
             );
         }
-        state.payload_kg = self.optional(slots.one(Field::Payload))?;
-        state.torques = self.optional_numbers(slots.all(Field::Torques))?;
+        let payload_kg = self.optional(slots.one(Field::Payload))?;
+        let torques = self.optional_numbers(slots.all(Field::Torques))?;
+        let mut place = None;
         if let Some(slot) = slots.one(Field::Place).filter(|s| !self.empty(*s)) {
-            state.place = Some(places.index_of(self.text(slot)).map_err(|problem| self.error(slot, problem))?);
+            place = Some(places.index_of(self.text(slot)).map_err(|problem| self.error(slot, problem))?);
         }
         let seq = slots.one(Field::Seq).filter(|s| !self.empty(*s));
         let seq = seq.map(|s| self.whole(s, 0.0, "a whole number")).transpose()?;
-        Ok(self.measured(slots)?.map(|measured| Row { state, measured, seq, line: self.line }))
+        let Some(measured) = self.measured(slots)? else { return Ok(None) };
+        let state = State { q, q_commanded, dir, t, seq: None, temp_c, payload_kg, torques, place, session: None };
+        Ok(Some(Row { state, measured, seq, line: self.line }))
     }
 }
 
@@ -483,37 +499,39 @@ impl<'a> Parser<'a> {
     }
 
     /// Hands on every row, and returns the lines of those without a measured value; lines are counted from `lines_before`.
-    pub fn each_row<R: std::io::Read, E: From<RecordError>>(
+    pub fn each_row<E: From<RecordError>>(
         &self,
-        csv: &mut csv::Reader<R>,
+        mut rows: Lines<'_>,
         lines_before: usize,
         places: &mut Places,
         take: &mut dyn FnMut(Row) -> Result<(), E>,
     ) -> Result<Vec<usize>, E> {
+        let number = |line: u64| usize::try_from(line).unwrap_or(0) + lines_before;
         let mut left_out = Vec::new();
-        let mut record = csv::StringRecord::new();
         let mut problems: Vec<RecordError> = Vec::new();
         loop {
-            match csv.read_record(&mut record) {
+            let line = match rows.next() {
                 _ if problems.len() >= MOST_PROBLEMS => break,
-                Ok(false) => break,
-                Ok(true) => {}
+                Ok(None) => break,
+                Ok(Some(line)) => number(line),
                 Err(e) => {
-                    let line = e.position().map_or(0, |p| usize::try_from(p.line()).unwrap_or(0)) + lines_before;
+                    let line = number(e.position().map_or(0, csv::Position::line));
                     let problem = format!("cannot be read as CSV: {e}");
                     return Err(self.reader.error(format!("line {line}"), problem).into());
                 }
-            }
-            let line = record.position().map_or(0, |p| usize::try_from(p.line()).unwrap_or(0)) + lines_before;
-            if record.len() == 1 && record.get(0).is_some_and(|cell| cell.trim().is_empty()) {
+            };
+            let text = |cell: &lines::Cell| cell.text(rows.text());
+            if let [cell] = rows.cells.as_slice()
+                && text(cell).is_empty()
+            {
                 continue;
             }
-            if record.len() != self.reader.header.len() {
-                let (found, expected) = (record.len(), self.reader.header.len());
+            if rows.cells.len() != self.reader.header.len() {
+                let (found, expected) = (rows.cells.len(), self.reader.header.len());
                 // a decimal comma divides its number in two
-                let hint = if found > expected && record.iter().skip(expected).all(|f| f.trim().is_empty()) {
+                let hint = if found > expected && rows.cells.iter().skip(expected).all(|f| text(f).is_empty()) {
                     "; there is nothing behind the last separator: remove it"
-                } else if found > expected && record.iter().any(|f| f.trim().parse::<i64>().is_ok()) {
+                } else if found > expected && rows.cells.iter().any(|f| text(f).parse::<i64>().is_ok()) {
                     "; with decimal commas, separate the columns with semicolons or tabs"
                 } else {
                     ""
@@ -522,7 +540,7 @@ impl<'a> Parser<'a> {
                 problems.push(self.reader.error(format!("line {line}"), problem));
                 continue;
             }
-            match (Cells { reader: &self.reader, record: &record, line }.row(&self.slots, places)) {
+            match (Cells { reader: &self.reader, row: &rows, line }.row(&self.slots, places)) {
                 Ok(Some(row)) if problems.is_empty() => take(row)?,
                 Ok(Some(_)) => {}
                 Ok(None) => left_out.push(line),
@@ -547,6 +565,47 @@ impl<'a> Parser<'a> {
     }
 }
 
+/// A recording that is being read.
+pub(crate) struct Reading<'a> {
+    parser: &'a Parser<'a>,
+    joints: usize,
+    rows: Vec<Row>,
+    places: Places,
+    last_t: f64,
+    left_out: Vec<usize>,
+}
+
+impl<'a> Reading<'a> {
+    pub fn new(parser: &'a Parser<'a>, joints: usize) -> Self {
+        let (places, last_t) = (Places::default(), f64::NEG_INFINITY);
+        Self { parser, joints, rows: Vec::new(), places, last_t, left_out: Vec::new() }
+    }
+
+    /// Takes more rows; lines are counted from `lines_before`.
+    pub fn take(&mut self, rows: Lines<'_>, lines_before: usize) -> Result<()> {
+        let Self { parser, rows: taken, places, last_t, .. } = self;
+        let left_out = parser.each_row(rows, lines_before, places, &mut |row| {
+            parser.in_order(&row, last_t)?;
+            taken.push(row);
+            Ok::<_, RecordError>(())
+        })?;
+        self.left_out.extend(left_out);
+        Ok(())
+    }
+
+    /// The recording, of a file of which so much is `said`.
+    pub fn end(self, said: impl IntoIterator<Item = String>) -> Result<Recording> {
+        let name = self.parser.reader.file.to_owned();
+        if self.rows.is_empty() {
+            return Err(RecordError::File { file: name, problem: no_rows(&self.left_out).to_owned() });
+        }
+        let said: Vec<String> = said.into_iter().chain(left_out(&self.left_out)).collect();
+        let notes = if said.is_empty() { Vec::new() } else { vec![format!("{name}: {}", said.join("; "))] };
+        let (prismatic, places) = (Some(self.parser.prismatic()), self.places.into_names());
+        Ok(Recording { name, joints: self.joints, prismatic, places, rows: self.rows, notes })
+    }
+}
+
 /// Reads a CSV recording of an arm with `joints` joints.
 ///
 /// # Errors
@@ -565,17 +624,18 @@ fn whole_lines(path: &Path) -> Result<Vec<u8>> {
     crate::bounds::check_file(path, true)?;
     let error = |problem: String| RecordError::File { file: path.display().to_string(), problem };
     let file = std::fs::File::open(path).map_err(|e| error(format!("cannot be read: {e}")))?;
-    let (mut bytes, mut line, mut begin) = (Vec::new(), 1, 0);
+    let (mut bytes, mut begin) = (Vec::new(), 0);
     loop {
         let from = bytes.len();
         let read = (&file).take(LONGEST_LINE as u64).read_to_end(&mut bytes);
         if read.map_err(|e| error(format!("cannot be read: {e}")))? == 0 {
             return Ok(bytes);
         }
-        for (at, _) in bytes[from..].iter().enumerate().filter(|(_, b)| **b == b'\n') {
-            (line, begin) = (line + 1, from + at + 1);
+        if let Some(at) = bytes[from..].iter().rposition(|b| *b == b'\n') {
+            begin = from + at + 1;
         }
         if bytes.len() - begin > LONGEST_LINE {
+            let line = 1 + ends_of_lines(&bytes[..begin]);
             return Err(error(format!(
                 "line {line} is longer than {LONGEST_LINE} bytes; expected a recording, one measurement a line"
             )));
@@ -634,22 +694,9 @@ pub fn parse_csv(bytes: &[u8], file: &str, joints: usize) -> Result<Recording> {
     let mut csv = csv_reader(true).from_reader(text.as_bytes());
     let header = csv.headers().map_err(|e| problem(&format!("the header cannot be read: {e}")))?.clone();
     let parser = Parser::new(file, &header, joints)?;
-    let mut rows = Vec::new();
-    let mut last_t = f64::NEG_INFINITY;
-    let mut places = Places::default();
-    let left_out = parser.each_row(&mut csv, before, &mut places, &mut |row| {
-        parser.in_order(&row, &mut last_t)?;
-        rows.push(row);
-        Ok::<_, RecordError>(())
-    })?;
-    if rows.is_empty() {
-        return Err(problem(no_rows(&left_out)));
-    }
-    let prismatic = Some(parser.prismatic());
-    let said: Vec<String> =
-        encoded.map(str::to_owned).into_iter().chain(note).chain(self::left_out(&left_out)).collect();
-    let notes = if said.is_empty() { Vec::new() } else { vec![format!("{file}: {}", said.join("; "))] };
-    Ok(Recording { name: file.to_owned(), joints, prismatic, places: places.into_names(), rows, notes })
+    let mut reading = Reading::new(&parser, joints);
+    reading.take(Lines::of(csv, Some(&text)), before)?;
+    reading.end(encoded.map(str::to_owned).into_iter().chain(note))
 }
 
 #[cfg(test)]

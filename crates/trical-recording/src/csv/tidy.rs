@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 
+use super::lines::holds;
 use crate::columns;
 
 /// Separators that are known, beside the comma, and what is said of them.
@@ -71,7 +72,11 @@ impl Form {
             && !self.trailing
             && !self.units
             && cells(header(text), self.by).map(|n| n.trim().trim_matches('"').trim()).eq(self.names.iter())
-            && text.lines().all(|l| !self.is_blank(l) && !is_remark(l))
+            && {
+                let (first, below) = text.split_at(text.find('\n').map_or(text.len(), |at| at + 1));
+                let is_row = |l: &str| !self.is_blank(l) && !is_remark(l);
+                first.lines().all(is_row) && (are_numbers(below) || below.lines().all(is_row))
+            }
     }
 
     /// Whether a column of a file whose separator is no comma holds numbers.
@@ -138,6 +143,14 @@ impl Form {
         }
         out.push('\n');
     }
+}
+
+/// Whether each line begins with a number: then it is neither blank nor a remark.
+pub(super) fn are_numbers(text: &str) -> bool {
+    let is_other = |b: &u8| !b.is_ascii_digit() & (*b != b'-');
+    let ends = text.as_bytes().iter().zip(text.as_bytes().iter().skip(1));
+    !text.bytes().take(1).any(|b| is_other(&b))
+        && !ends.fold(false, |other, (a, b)| other | ((*a == b'\n') & is_other(b)))
 }
 
 const LOWER: &str = "names of columns are read in lower case";
@@ -210,7 +223,7 @@ fn cells(line: &str, by: char) -> impl Iterator<Item = &str> {
 
 /// A line that is none of the table: "# measured on Monday", "sep=;". Behind the same sign a header stands, too ("# q1_deg,q2_deg").
 fn is_remark(line: &str) -> bool {
-    let Some(rest) = line.strip_prefix('#') else { return line.trim_end().len() == 5 && line.starts_with("sep=") };
+    let Some(rest) = line.strip_prefix('#') else { return line.starts_with("sep=") && line.trim_end().len() == 5 };
     // "#N/A" is where the first column has no value
     if line.split([',', ';', '\t']).next().is_some_and(|cell| super::is_nothing(cell.trim())) {
         return false;
@@ -239,7 +252,7 @@ pub(super) fn decoded(bytes: &[u8]) -> Option<(Cow<'_, str>, Option<&'static str
             Err(_) => (Cow::Owned(bytes.iter().map(|b| char::from(*b)).collect()), Some("the text is in Latin-1")),
         },
     };
-    if text.contains('\0') {
+    if holds(text.as_bytes(), 0) {
         return None;
     }
     if !text.contains('\n') && text.contains('\r') {
@@ -280,7 +293,8 @@ pub(super) fn tidied(text: &str) -> Result<Tidied<'_>, String> {
     }
     let form = Form::of(text);
     // a quoted cell that goes on in the next line: such a file is read as it is
-    let goes_on = text.contains('"') && text.lines().any(|l| !is_remark(l) && l.matches('"').count() % 2 == 1);
+    let goes_on =
+        holds(text.as_bytes(), b'"') && text.lines().any(|l| !is_remark(l) && l.matches('"').count() % 2 == 1);
     if goes_on && form.separated.is_none() || form.is_tidy(text) {
         return Ok(Tidied { text: Cow::Borrowed(text), before: 0, note: None });
     }

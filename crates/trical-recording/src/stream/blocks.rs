@@ -5,7 +5,7 @@ use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use super::same_joints;
-use crate::csv::{Parser, csv_reader, is_untidy};
+use crate::csv::{Parser, csv_reader, ends_of_lines, is_untidy};
 use crate::error::{RecordError, Result};
 
 /// Bytes of a block.
@@ -112,7 +112,7 @@ impl Blocks<'_> {
             self.carry = bytes.split_off(end);
         }
         let lines_before = self.lines;
-        self.lines += bytes.iter().filter(|b| **b == b'\n').count();
+        self.lines += ends_of_lines(&bytes);
         self.number += 1;
         Ok(Some(Block { bytes, lines_before, number: self.number - 1 }))
     }

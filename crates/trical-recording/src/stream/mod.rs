@@ -13,7 +13,7 @@ use tempfile::TempDir;
 use trical_model::{Recording, Row};
 
 use crate::columns::Field;
-use crate::csv::{Parser, csv_reader, no_rows};
+use crate::csv::{Lines, Parser, csv_reader, no_rows};
 use crate::error::{RecordError, Result};
 use crate::shared::Places;
 use blocks::{Block, Source};
@@ -51,9 +51,10 @@ impl BlockRows<'_> {
     /// # Errors
     /// A row that is no measurement, with file, line and column; what `take` returns.
     pub fn each_row<E: From<RecordError>>(&self, take: &mut dyn FnMut(Row) -> Result<(), E>) -> Result<Vec<usize>, E> {
-        let mut csv = csv_reader(false).from_reader(self.block.bytes.as_slice());
+        let bytes = self.block.bytes.as_slice();
+        let rows = Lines::of(csv_reader(false).from_reader(bytes), std::str::from_utf8(bytes).ok());
         // files with places are not opened
-        self.parser.each_row(&mut csv, self.block.lines_before, &mut Places::default(), take)
+        self.parser.each_row(rows, self.block.lines_before, &mut Places::default(), take)
     }
 }
 

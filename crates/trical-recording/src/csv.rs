@@ -671,6 +671,13 @@ pub(crate) fn is_untidy(begin: &[u8]) -> Option<String> {
         .or_else(|| separated_by_cr.then(|| "its lines end with a carriage return".to_owned()))
 }
 
+/// Whether rows below a header are as they should be, each beginning with a number and no cell quoted: such a file is read block by block. Of
+/// others this may be so, too.
+pub(crate) fn are_plain(rows: &str) -> bool {
+    let bytes = rows.as_bytes();
+    tidy::are_numbers(rows) && !lines::holds(bytes, b'"') && !lines::holds(bytes, 0)
+}
+
 /// What a file without rows is told.
 pub(crate) fn no_rows(left_out: &[usize]) -> &'static str {
     if left_out.is_empty() { "has a header but no rows" } else { "has no row with a measured value" }

@@ -11,6 +11,7 @@ use crate::csv::{header_names, load_csv, parse_csv, write_csv};
 use crate::error::{RecordError, Result};
 use crate::expected::Expected;
 use crate::mcap::read_any;
+use crate::stream;
 
 fn unreadable(path: &Path) -> impl FnOnce(std::io::Error) -> RecordError {
     let file = path.display().to_string();
@@ -137,7 +138,8 @@ pub fn open_damaged<'a>(path: &Path, expected: impl Into<Expected<'a>>) -> Resul
             return Err(RecordError::File { file: path.display().to_string(), problem: problem.to_owned() });
         }
         let joints = joints.map_or_else(|| joints_of_csv(path), Ok)?;
-        return Ok((load_csv(path, joints)?, None));
+        let recording = stream::load(path, joints).map_or_else(|| load_csv(path, joints), Ok)?;
+        return Ok((recording, None));
     }
     let (path, topic) = file_and_topic(path);
     let path = path.as_path();

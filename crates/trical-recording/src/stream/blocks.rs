@@ -9,7 +9,7 @@ use crate::csv::{Parser, csv_reader, ends_of_lines, is_untidy};
 use crate::error::{RecordError, Result};
 
 /// Bytes of a block.
-const BLOCK: usize = 1 << 20;
+pub(super) const BLOCK: usize = 1 << 20;
 
 /// A file whose header has been read.
 #[derive(Debug)]

@@ -3,6 +3,7 @@
 
 mod blocks;
 mod large;
+mod load;
 mod sample;
 
 use std::collections::BTreeMap;
@@ -19,6 +20,7 @@ use crate::shared::Places;
 use blocks::{Block, Source};
 
 pub use large::open_large;
+pub(crate) use load::load;
 pub use sample::{FIRST, SAMPLE, scatter};
 
 /// Blocks at a time: what bounds the memory, and what threads can share.

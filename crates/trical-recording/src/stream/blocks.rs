@@ -82,23 +82,14 @@ impl Source {
 
 impl Blocks<'_> {
     pub(super) fn next(&mut self) -> Result<Option<Block>> {
-        let mut bytes = std::mem::take(&mut self.carry);
-        let old = bytes.len();
-        bytes.resize(BLOCK, 0);
-        let mut filled = old;
-        while filled < BLOCK {
-            match self.file.read(&mut bytes[filled..]) {
-                Ok(0) => break,
-                Ok(n) => filled += n,
-                Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
-                Err(e) => return Err(self.source.error(format!("cannot be read: {e}"))),
-            }
-        }
-        bytes.truncate(filled);
+        let mut bytes = Vec::with_capacity(BLOCK);
+        bytes.append(&mut self.carry);
+        let read = (&self.file).take((BLOCK - bytes.len()) as u64).read_to_end(&mut bytes);
+        read.map_err(|e| self.source.error(format!("cannot be read: {e}")))?;
         if bytes.is_empty() {
             return Ok(None);
         }
-        if filled == BLOCK {
+        if bytes.len() == BLOCK {
             let Some(end) = bytes.iter().rposition(|b| *b == b'\n') else {
                 return Err(self.source.error(format!(
                     "line {} is longer than {BLOCK} bytes; expected a recording, one measurement a line",

@@ -19,7 +19,7 @@ pub(crate) fn load(path: &Path, joints: usize) -> Option<Recording> {
     let source = Source::open(path, path.display().to_string()).ok()?;
     let parser = Parser::new(&source.name, &source.header, joints).ok()?;
     let mut reading = Reading::new(&parser, joints);
-    let mut blocks = source.blocks().ok()?;
+    let mut blocks = source.blocks(None).ok()?;
     while let Some(block) = blocks.next().ok()? {
         let text = std::str::from_utf8(&block.bytes).ok().filter(|text| are_plain(text))?;
         reading.take(Lines::of(csv_reader(false).from_reader(text.as_bytes()), Some(text)), block.lines_before).ok()?;

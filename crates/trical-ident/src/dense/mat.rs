@@ -212,7 +212,9 @@ mod tests {
 
     #[test]
     fn products_of_any_shape_are_sums_of_products() {
-        for (m, n, k) in [(1, 1, 1), (8, 4, 300), (9, 5, 7), (1, 6, 20), (17, 1, 33), (3, 13, 0), (70, 30, 1025)] {
+        let shapes =
+            [(1, 1, 1), (8, 4, 300), (9, 5, 7), (1, 6, 20), (17, 1, 33), (3, 13, 0), (70, 30, 1025), (301, 13, 70)];
+        for (m, n, k) in shapes {
             let (a, b) = (drawn(m, k), drawn(k, n));
             let (at, bt) = (a.transpose().to_owned(), b.transpose().to_owned());
             let all = [&a * &b, at.transpose() * &b, &a * bt.transpose(), at.transpose() * bt.transpose()];
@@ -227,12 +229,14 @@ mod tests {
 
     #[test]
     fn a_square_has_the_bits_of_the_product_and_adds_to_what_was_there() {
-        let x = drawn(300, 21);
-        let (mut lower, whole) = (Mat::identity(21), x.transpose() * &x);
-        lower.add_square(x.view());
-        lower.mirror();
-        for (i, j) in (0..21).flat_map(|i| (0..21).map(move |j| (i, j))) {
-            assert_eq!(lower[(i, j)], whole[(i, j)] + f64::from(u8::from(i == j)));
+        for n in [21, 201] {
+            let x = drawn(300, n);
+            let (mut lower, whole) = (Mat::identity(n), x.transpose() * &x);
+            lower.add_square(x.view());
+            lower.mirror();
+            for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+                assert_eq!(lower[(i, j)], whole[(i, j)] + f64::from(u8::from(i == j)));
+            }
         }
     }
 

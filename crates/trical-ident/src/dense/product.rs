@@ -15,7 +15,10 @@ const HIGH: usize = 8;
 const WIDE: usize = 4;
 
 /// Of the common index so much is worked on at once: what stays near the processor.
-const DEEP: usize = 256;
+const DEEP: usize = 64;
+
+/// So many strips of rows are copied at once: with what they meet of the columns they stay near the processor, too.
+const STRIPS: usize = 16;
 
 /// Rows of a narrow product that are worked on at once.
 const LONG: usize = 1024;
@@ -86,18 +89,23 @@ impl NullaryFnOnce for Product<'_> {
             return;
         }
         let (high, wide) = (m.div_ceil(HIGH), n.div_ceil(WIDE));
-        let deep = depth.min(DEEP);
         let mut tiles: Vec<Tile> = vec![[[0.0; HIGH]; WIDE]; high * wide];
-        rows.resize(rows.len().max(high * deep), [0.0; HIGH]);
+        let (strips, deep) = (high.min(STRIPS), depth.min(DEEP));
+        rows.resize(rows.len().max(strips * deep), [0.0; HIGH]);
         columns.resize(columns.len().max(wide * deep), [0.0; WIDE]);
         for from in (0..depth).step_by(DEEP) {
             let count = DEEP.min(depth - from);
-            copy(a.columns(from, count), rows);
             copy(b.rows(from, count).transpose(), columns);
-            for (i, (rows, tiles)) in rows.chunks_exact(count).zip(tiles.chunks_exact_mut(wide)).enumerate() {
-                for (j, (columns, tile)) in columns.chunks_exact(count).zip(tiles).enumerate() {
-                    if !lower || (i + 1) * HIGH > j * WIDE {
-                        add_to_tile(tile, rows, columns);
+            let a = a.columns(from, count);
+            for first in (0..high).step_by(STRIPS) {
+                let some = first..high.min(first + STRIPS);
+                copy(a.rows(first * HIGH, m.min(some.end * HIGH) - first * HIGH), rows);
+                for (i, rows) in some.zip(rows.chunks_exact(count)) {
+                    let tiles = &mut tiles[i * wide..][..wide];
+                    for (j, (columns, tile)) in columns.chunks_exact(count).zip(tiles).enumerate() {
+                        if !lower || (i + 1) * HIGH > j * WIDE {
+                            add_to_tile(tile, rows, columns);
+                        }
                     }
                 }
             }

@@ -399,14 +399,18 @@ impl Pass<'_> {
                 row: number,
                 line: row.line,
             };
-            let Some(references) = references else { return block.take(&o) };
-            if pose.q.is_some_and(|q| q != o.state.q) {
+            if let Some(references) = references
+                && pose.q != Some(o.state.q)
+            {
                 block.take_pose(references, std::mem::take(&mut pose))?;
+                pose.q = Some(o.state.q);
             }
-            pose.q = Some(o.state.q);
-            match o.measured {
-                Measured::Reference { reference, position } => pose.seen.push((reference, position.into())),
-                _ => pose.observations.push(o),
+            match (o.measured, references) {
+                (Measured::Reference { reference, position }, Some(_)) => pose.seen.push((reference, position.into())),
+                (_, Some(_)) => pose.observations.push(o),
+                // there are too few of them
+                (Measured::Reference { .. }, None) => {}
+                (_, None) => block.take(&o)?,
             }
             Ok(())
         })?;

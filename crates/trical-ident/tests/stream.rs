@@ -182,11 +182,12 @@ fn a_bad_row_far_down_is_named_with_its_line() {
     assert!(message.contains("line 20001: found 3 fields, expected 11"), "{message}");
 }
 
-/// Both targets at each pose, and before them three fixed references, from a tracker that stands elsewhere each time. Reference 2 was bumped at pose
-/// 10, reference 3 is hidden at pose 2000, all are at pose 2500, and target 1 is off by 2 mm at pose 2900.
-fn write_with_references(model: &Model, poses: usize, noise: f64, seed: u64) -> (tempfile::TempDir, PathBuf) {
+/// Both targets at each pose, and before them fixed references. From a tracker that stands elsewhere each time these are three, of which 2 was
+/// bumped at pose 10, 3 is hidden at pose 2000, and all are at pose 2500. Target 1 is off by 2 mm at pose 2900.
+fn write_with_references(poses: usize, seed: u64, stands_elsewhere: bool) -> (tempfile::TempDir, PathBuf) {
+    let model = truth(frame());
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
-    let normal = rand_distr::Normal::new(0.0, noise).unwrap();
+    let normal = rand_distr::Normal::new(0.0, 2e-5).unwrap();
     let forward = Forward::new(model.clone(), Vec::new()).unwrap();
     let mut ws = forward.workspace();
     let references = [[0.0, 0.0, 0.0], [1.2, 0.1, 0.3], [-0.2, 0.9, 0.6]].map(nalgebra::Vector3::from);
@@ -199,8 +200,9 @@ fn write_with_references(model: &Model, poses: usize, noise: f64, seed: u64) -> 
             rotation: trical_model::pose::rotation_zyx(by(), by(), by()),
             translation: nalgebra::Vector3::new(by(), by(), by()),
         };
+        let elsewhere = if stands_elsewhere { elsewhere } else { Pose::identity() };
         let mut seen: Vec<(String, nalgebra::Vector3<f64>)> = Vec::new();
-        for (r, p) in references.iter().enumerate() {
+        for (r, p) in references.iter().enumerate().take(if stands_elsewhere { 3 } else { 2 }) {
             let hidden = k == 2500 || (k, r) == (2000, 2);
             let bumped = if (k, r) == (10, 1) { 2e-3 } else { 0.0 };
             if !hidden {
@@ -227,7 +229,7 @@ fn write_with_references(model: &Model, poses: usize, noise: f64, seed: u64) -> 
 
 #[test]
 fn poses_with_references_are_registered_in_blocks_as_in_memory() {
-    let (_dir, path) = write_with_references(&truth(frame()), 5000, 2e-5, 8);
+    let (_dir, path) = write_with_references(5000, 8, true);
     assert!(std::fs::metadata(&path).unwrap().len() > 3 << 20, "several blocks are needed");
     let found = streamed(std::slice::from_ref(&path));
     let sample = CsvStream::open(std::slice::from_ref(&path), 6).unwrap().sample().unwrap();
@@ -242,6 +244,13 @@ fn poses_with_references_are_registered_in_blocks_as_in_memory() {
     // places of the references are those of the sample: they are as well known as the frame
     let (off, sd_off) = compare(&[path]);
     assert!(off < 0.05 && sd_off < 1e-3, "{off} {sd_off}");
+}
+
+#[test]
+fn references_that_are_too_few_to_register_a_pose_by_are_passed_over() {
+    let (_dir, path) = write_with_references(5000, 9, false);
+    let (off, sd_off) = compare(&[path]);
+    assert!(off < 1e-3 && sd_off < 1e-5, "{off} {sd_off}");
 }
 
 #[test]

@@ -467,8 +467,8 @@ impl<'a> PartOfPass<'a> {
                 }
             }
             Err(reason) if self.pass.known.is_none() => {
-                let name = |o: &Observation| self.pass.data.names[o.recording].clone();
-                at.observations.iter().for_each(|o| self.found.reject(o, &name(o), || reason.clone()));
+                let names = &self.pass.data.names;
+                at.observations.iter().for_each(|o| self.found.reject(o, &names[o.recording], || reason.clone()));
             }
             Err(_) => {}
         }

@@ -12,6 +12,7 @@ use trical_ident::{
     identify_stream, load_csv, reject_gross_errors,
 };
 use trical_model::{Cell, Forward, Measured, Model, Pose, Recording, Robot, Row, State, Task};
+use trical_recording::RecordError;
 
 const ROBOT: &str = include_str!("../../trical-model/tests/data/arm.toml");
 const CELL: &str = "[base]\nxyz_mm = [100.0, 200.0, 50.0]\nzyx_deg = [30.0, 5.0, -4.0]\n[tool]\ntcp_mm = [31.0, -22.0, 118.0]\n\
@@ -258,9 +259,27 @@ fn a_pose_that_is_longer_than_a_block_is_not_cut() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("r.csv");
     let header = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,target,reference,x_mm,y_mm,z_mm\n";
-    std::fs::write(&path, header.to_owned() + &"1,2,3,4,5,6,,1,0.25,0.5,0.75\n".repeat(50_000)).unwrap();
-    let message = CsvStream::open(&[path], 6).unwrap().sample().unwrap_err().to_string();
-    assert!(message.contains("the rows of one pose, from line 2 on, are longer than 1048576 bytes"), "{message}");
+    let rows = |q: u32, count| format!("{q},2,3,4,5,6,,1,0.25,0.5,0.75\n").repeat(count);
+    std::fs::write(&path, header.to_owned() + &rows(0, 10) + &rows(1, 100_000) + &rows(2, 60_000)).unwrap();
+    let mut blocks: Vec<Vec<f64>> = Vec::new();
+    let stream = CsvStream::open(&[path], 6).unwrap();
+    let of_block = |_, rows: &trical_recording::stream::BlockRows<'_>| {
+        let mut q = Vec::new();
+        rows.each_row(&mut |row| {
+            q.push(row.state.q[0]);
+            Ok::<_, RecordError>(())
+        })?;
+        Ok::<_, RecordError>(q)
+    };
+    let mut keep = |_, q| {
+        blocks.push(q);
+        Ok(())
+    };
+    stream.pass(of_block, &mut keep).unwrap();
+    let last = |block: &Vec<f64>| block.last().copied();
+    assert!(blocks.windows(2).all(|two| last(&two[0]) != two[1].first().copied()), "a pose is in two blocks");
+    assert_eq!(blocks.iter().map(Vec::len).sum::<usize>(), 160_010);
+    assert_eq!(blocks.len(), 3, "one for each pose");
 }
 
 #[test]

@@ -487,15 +487,15 @@ impl<'a> Parser<'a> {
         out
     }
 
-    /// The joints of a line, as reported and as commanded; `None` for a line that is no row.
-    pub fn joints_of(&self, line: &[u8]) -> Option<[Vec<f64>; 2]> {
-        let mut record = csv::StringRecord::new();
-        csv_reader(false).from_reader(line).read_record(&mut record).ok()?;
-        let cells = |field| -> Vec<f64> {
-            let number = |slot: &Slot| record.get(slot.at)?.trim().parse().ok();
-            self.slots.all(field).iter().map(number).collect::<Option<_>>().unwrap_or_default()
+    /// The row of a line; `None` where it is none.
+    pub fn row_of(&self, line: &[u8]) -> Option<Row> {
+        let (mut row, rows) = (None, Lines::of(csv_reader(false).from_reader(line), None));
+        let mut take = |found| {
+            row = Some(found);
+            Ok::<_, RecordError>(())
         };
-        Some([Field::Joints, Field::Commanded].map(cells)).filter(|joints| !joints[0].is_empty())
+        self.each_row(rows, 0, &mut Places::default(), &mut take).ok()?;
+        row
     }
 
     /// Hands on every row, and returns the lines of those without a measured value; lines are counted from `lines_before`.

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use super::same_joints;
+use super::at_one_pose;
 use crate::csv::{Parser, csv_reader, ends_of_lines, is_untidy};
 use crate::error::{RecordError, Result};
 
@@ -82,48 +82,50 @@ impl Source {
 
 impl Blocks<'_> {
     pub(super) fn next(&mut self) -> Result<Option<Block>> {
-        let mut bytes = Vec::with_capacity(BLOCK);
-        bytes.append(&mut self.carry);
-        let read = (&self.file).take((BLOCK - bytes.len()) as u64).read_to_end(&mut bytes);
-        read.map_err(|e| self.source.error(format!("cannot be read: {e}")))?;
-        if bytes.is_empty() {
-            return Ok(None);
-        }
-        if bytes.len() == BLOCK {
+        let mut bytes = std::mem::take(&mut self.carry);
+        let mut size = BLOCK.max(2 * bytes.len());
+        loop {
+            bytes.reserve(size - bytes.len());
+            let read = (&self.file).take((size - bytes.len()) as u64).read_to_end(&mut bytes);
+            read.map_err(|e| self.source.error(format!("cannot be read: {e}")))?;
+            if bytes.is_empty() {
+                return Ok(None);
+            }
+            if bytes.len() < size {
+                break;
+            }
             let Some(end) = bytes.iter().rposition(|b| *b == b'\n') else {
                 return Err(self.source.error(format!(
                     "line {} is longer than {BLOCK} bytes; expected a recording, one measurement a line",
                     self.lines + 1
                 )));
             };
-            let end = match self.whole_poses {
-                Some(parser) => self.before_last_pose(parser, &bytes[..=end])?,
-                None => end + 1,
-            };
-            self.carry = bytes.split_off(end);
+            let lines = &bytes[..=end];
+            let end = self.whole_poses.map_or(end + 1, |parser| before_last_pose(parser, lines));
+            if end > 0 {
+                self.carry = bytes.split_off(end);
+                break;
+            }
+            // all of it is one pose
+            size *= 2;
         }
         let lines_before = self.lines;
         self.lines += ends_of_lines(&bytes);
         self.number += 1;
         Ok(Some(Block { bytes, lines_before, number: self.number - 1 }))
     }
+}
 
-    /// Where the last pose of whole lines begins.
-    fn before_last_pose(&self, parser: &Parser<'_>, lines: &[u8]) -> Result<usize> {
-        let (mut from, mut after) = (lines.len(), None);
-        while from > 0 {
-            let line = lines[..from - 1].iter().rposition(|b| *b == b'\n').map_or(0, |end| end + 1);
-            let joints = parser.joints_of(&lines[line..from]);
-            if let (Some(joints), Some(after)) = (&joints, &after)
-                && !same_joints(joints, after)
-            {
-                return Ok(from);
-            }
-            (from, after) = (line, joints.or(after));
+/// Where the last pose of whole lines begins.
+fn before_last_pose(parser: &Parser<'_>, lines: &[u8]) -> usize {
+    let (mut from, mut after) = (lines.len(), None);
+    while from > 0 {
+        let line = lines[..from - 1].iter().rposition(|b| *b == b'\n').map_or(0, |end| end + 1);
+        let row = parser.row_of(&lines[line..from]);
+        if row.zip(after).is_some_and(|(row, after)| !at_one_pose(&row, &after)) {
+            return from;
         }
-        Err(self.source.error(format!(
-            "the rows of one pose, from line {} on, are longer than {BLOCK} bytes; such a file is read at once only, not in passes",
-            self.lines + 1
-        )))
+        (from, after) = (line, row.or(after));
     }
+    0
 }

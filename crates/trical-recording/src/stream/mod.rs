@@ -259,8 +259,3 @@ fn are_first<T: Ord>(rows: &[Row], sort: impl Fn(&Row) -> T, seen: &mut BTreeMap
 fn at_one_pose(a: &Row, b: &Row) -> bool {
     a.state.q == b.state.q || a.state.q_commanded.is_some() && a.state.q_commanded == b.state.q_commanded
 }
-
-/// The same of the joints as [`Parser::joints_of`] has them.
-fn same_joints(a: &[Vec<f64>; 2], b: &[Vec<f64>; 2]) -> bool {
-    a[0] == b[0] || !a[1].is_empty() && a[1] == b[1]
-}

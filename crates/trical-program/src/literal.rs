@@ -21,7 +21,7 @@ pub enum Shape {
     JointsDeg,
     /// Joint values, rad (m for a joint that slides).
     JointsRad,
-    /// Joint values, deg; joint 3 is counted from the horizontal, as if joint 2 were at zero (FANUC).
+    /// Joint values, deg (mm for a joint that slides); a joint 3 that turns is counted from the horizontal, as if joint 2 were at zero (FANUC).
     JointsFanuc,
 }
 
@@ -106,10 +106,15 @@ impl Shape {
                 _ => from.to_radians(),
             };
         }
-        if self == Self::JointsFanuc {
+        if self.counts_from_horizontal(slides) {
             q[2] += q[1];
         }
         q
+    }
+
+    /// Whether joint 3 is counted from the horizontal: not where it slides (FANUC's SCARA arms).
+    fn counts_from_horizontal(self, slides: &[bool]) -> bool {
+        self == Self::JointsFanuc && slides.get(2) != Some(&true)
     }
 
     /// The numbers of `new`, as near to the old ones as the same pose can be written; those that stay are `None`. Angles and
@@ -132,7 +137,7 @@ impl Shape {
             }
             (Meant::Joints(q), _) => {
                 let mut q = *q;
-                if self == Self::JointsFanuc {
+                if self.counts_from_horizontal(slides) {
                     q[2] -= q[1];
                 }
                 for k in 0..old.len() {

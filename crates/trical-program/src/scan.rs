@@ -200,6 +200,8 @@ pub struct Scan {
     pub relative: Vec<u32>,
     /// Of joint values in columns: which joints are given in mm; empty where the program's language says no unit.
     pub in_mm: Vec<bool>,
+    /// `L` or `R`, the first that a position has: to which side the elbow of a SCARA points.
+    pub hand: Option<u8>,
     /// Of numbers in columns: how many of the shape's units (mm, deg) one of the column's is; empty where they are the same.
     pub scales: Vec<f64>,
     /// Where the program says what the arm carries beside its tools (`GripLoad`, `set_payload`), which is not read.

@@ -111,8 +111,18 @@ fn of_programs(model: &Model, nominal: &Model, options: &Options) -> Model {
     model
 }
 
-/// Refuses a program whose columns say mm of a joint that turns, or deg of one that slides.
-fn check_units(robot: &Robot, scan: &Scan) -> Result<(), ProgramError> {
+/// Joints of a SCARA.
+const SCARA: usize = 4;
+
+/// Refuses a program whose columns say mm of a joint that turns, or deg of one that slides, and a SCARA's program for another arm.
+fn check_arm(robot: &Robot, scan: &Scan) -> Result<(), ProgramError> {
+    let joints = robot.dof();
+    if let Some(letter) = scan.hand.filter(|_| joints > SCARA) {
+        let letter = char::from(letter);
+        return Err(ProgramError::Input(format!(
+            "a position has the configuration '{letter}', as SCARA arms of {SCARA} joints have; the robot has {joints} joints"
+        )));
+    }
     let kinds = (1..=robot.dof()).map(|joint| robot.slides(joint));
     let Some((k, (slides, _))) = kinds.zip(&scan.in_mm).enumerate().find(|(_, (slides, mm))| slides != *mm) else {
         return Ok(());
@@ -137,7 +147,7 @@ impl<'a> Compensator<'a> {
     ) -> Result<Self, ProgramError> {
         let input = |e: trical_model::ModelError| ProgramError::Input(e.to_string());
         let model = of_programs(model, nominal, options);
-        check_units(&nominal.robot, scan)?;
+        check_arm(&nominal.robot, scan)?;
         let moves_rail =
             nominal.robot.is_on_rail() && scan.spots.iter().any(|s| scan.written(s).external != External::None);
         let carried = if moves_rail { nominal.on_rail(0.0).map_err(input)?.robot } else { nominal.robot.clone() };

@@ -144,6 +144,8 @@ struct Fields<'a> {
     untaught: bool,
     /// Whether another motion group is at a pose: a second arm.
     another_arm: bool,
+    /// `L` or `R`: to which side the elbow of a SCARA points.
+    hand: Option<u8>,
     problem: Option<String>,
 }
 
@@ -181,6 +183,7 @@ impl<'a> Fields<'a> {
             let start = c.at;
             c.skip_string();
             self.turns = turns(c, start);
+            self.hand = hand(&c.bytes[start..c.at]);
             match config(&c.bytes[start..c.at], self.turns.map(|all| all.map(|(_, turn)| turn))) {
                 Some(found) => self.configuration = Some(found),
                 None => {
@@ -206,6 +209,19 @@ impl<'a> Fields<'a> {
 
     fn number(&self, name: &[u8]) -> Option<Span> {
         self.numbers.iter().rfind(|(n, _)| *n == name)?.1
+    }
+
+    /// To which side an elbow points has to be the same in the whole listing.
+    fn check_hand(&mut self, scan: &mut Scan) {
+        let Some(letter) = self.hand else { return };
+        let first = *scan.hand.get_or_insert(letter);
+        if first != letter {
+            let [first, letter] = [first, letter].map(char::from);
+            self.problem.get_or_insert(format!(
+                "has the configuration '{letter}' where the first position that says one has '{first}': to which side the elbow points is followed \
+                 only where it stays the same"
+            ));
+        }
     }
 
     /// The number of the tool or frame that was said; F is whichever is `active` when the program runs.
@@ -237,6 +253,7 @@ fn position(
     let name = Span::new(from, c.at.min(from + 40));
     let hash = hashed(number.text(c.bytes));
     let mut found = Fields::read(c);
+    found.check_hand(scan);
     // told once
     if found.another_arm && !scan.problems.iter().any(|(_, what)| what == ANOTHER_ARM) {
         scan.problem(from, ANOTHER_ARM);
@@ -281,11 +298,18 @@ fn turns(c: &Cursor<'_>, at: usize) -> Option<[(Span, i16); 3]> {
 fn config(text: &[u8], turns: Option<[i16; 3]>) -> Option<Configuration> {
     let words = || text.split(|b| !b.is_ascii_alphanumeric()).filter(|w| w.iter().any(u8::is_ascii_alphabetic));
     let has = |b: u8| words().any(|w| w == [b]);
-    if words().next().is_none() {
+    if words().next().is_none() || hand(text).is_some() {
         return Some(Configuration::Free);
     }
     let whole = (has(b'N') || has(b'F')) && (has(b'U') || has(b'D')) && (has(b'T') || has(b'B'));
     whole.then(|| Configuration::Fanuc { flip: has(b'F'), up: has(b'U'), front: has(b'T'), turns })
+}
+
+/// The letter of `'L, 0, 0, 0'` or `'R, 0, 0, 0'`, which stands alone.
+fn hand(text: &[u8]) -> Option<u8> {
+    let mut letters = text.iter().copied().filter(u8::is_ascii_alphabetic);
+    let first = letters.next().filter(|b| matches!(b, b'L' | b'R'))?;
+    letters.next().is_none().then_some(first)
 }
 
 /// Whether a line has this word, with nothing of a name before it.

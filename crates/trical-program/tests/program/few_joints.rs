@@ -1,12 +1,12 @@
 //! Arms of four and five joints: the tool's point is brought to its place, its axes as near as the joints allow. And of seven, whose poses do not say
 //! how the arm stands.
 
-use trical_model::pose::rotation_vector;
+use trical_model::pose::{angles_zyx, rotation_vector};
 use trical_model::{Basis, Forward, Joints, Model, Parameter, Pose, Robot, Site, State, Term};
 use trical_program::{Dialect, Frames};
 
-use crate::fixtures::{IRB, device, joints, mm, nominal, numbers, quaternion, real};
-use crate::{run, unmarked};
+use crate::fixtures::{IRB, device, joints, mm, nominal, numbers, pose, quaternion, real};
+use crate::{refused, run, unmarked};
 
 fn with_five_joints() -> Model {
     let (arm, _) = IRB.rsplit_once("[[joint]]").unwrap();
@@ -60,15 +60,19 @@ fn joints_and_poses_of_an_arm_of_five_joints_bring_its_point_where_it_is_wanted(
     }
 }
 
-#[test]
-fn joints_and_poses_of_an_arm_whose_third_joint_slides_are_read() {
+/// Two joints that turn, one that slides, and one that turns.
+fn scara() -> String {
     let joint = |kind: &str, a: f64, d: f64, limits: &str| {
         format!("[[joint]]\nkind = \"{kind}\"\nalpha_deg = 0\na_mm = {a}\nd_mm = {d}\ntheta_offset_deg = 0\n{limits}\n")
     };
     let turns = |a: f64, d: f64| joint("revolute", a, d, "limits_deg = [-150, 150]");
     let slide = joint("prismatic", 250.0, 0.0, "limits_mm = [-200, 0]");
-    let arm = ["name = \"SCARA\"\n", &turns(0.0, 300.0), &turns(300.0, 0.0), &slide, &turns(0.0, 0.0)].concat();
-    let nominal = Model { robot: Robot::parse(&arm, "scara.toml").unwrap(), ..nominal(IRB) };
+    ["name = \"SCARA\"\n", &turns(0.0, 300.0), &turns(300.0, 0.0), &slide, &turns(0.0, 0.0)].concat()
+}
+
+#[test]
+fn joints_and_poses_of_an_arm_whose_third_joint_slides_are_read() {
+    let nominal = Model { robot: Robot::parse(&scara(), "scara.toml").unwrap(), ..nominal(IRB) };
     let mut model = nominal.clone();
     let link = Site::Link { link: 2, parameter: Parameter::A };
     model.terms.push(Term { value: 0.4e-3, ..Term::new("a_2", "test", link, Basis::CONSTANT) });
@@ -77,11 +81,58 @@ fn joints_and_poses_of_an_arm_whose_third_joint_slides_are_read() {
     let by_poses = format!("x_mm,y_mm,z_mm,qw,qx,qy,qz\n{},{}\n", numbers(&mm(&p)), quaternion(&p));
     let deg = q.map(f64::to_degrees);
     let by_joints = format!("q1_deg,q2_deg,q3_mm,q4_deg\n{},{},-80,{}\n", deg[0], deg[1], deg[3]);
-    for text in [by_poses, by_joints] {
-        let (_, report) = run(text.as_bytes(), Dialect::Csv, &nominal, &model, &Frames::default());
+    // a joint that slides is not counted from the horizontal, as joint 3 of FANUC's other arms is
+    let listing = format!(
+        "/PROG A\n/MN\n   1:J P[1] 100% FINE ;\n/POS\nP[1]{{\n GP1:\n\tUF : F, UT : F,\n\tJ1= {} deg, J2= {} deg, J3= -80 mm, J4= {} deg\n}};\n/END\n",
+        deg[0], deg[1], deg[3]
+    );
+    let mut reached = Vec::new();
+    for (text, d) in [(by_poses, Dialect::Csv), (by_joints, Dialect::Csv), (listing, Dialect::Fanuc)] {
+        let (_, report) = run(text.as_bytes(), d, &nominal, &model, &Frames::default());
         assert!(report.problems.is_empty(), "{:?}", report.problems);
         assert!(report.before[1] > 3e-4 && report.after[1] < 2e-7, "{:?} {:?}", report.before, report.after);
+        reached.extend(report.rows.iter().map(|row| row.wanted.translation));
     }
+    assert!(reached.iter().all(|x| (x - reached[0]).norm() < 1e-7), "{reached:?}");
+}
+
+#[test]
+fn to_which_side_a_scara_elbow_points_is_as_at_the_joint_values_before() {
+    let nominal = Model { robot: Robot::parse(&scara(), "scara.toml").unwrap(), ..nominal(IRB) };
+    let mut model = nominal.clone();
+    let link = Site::Link { link: 2, parameter: Parameter::A };
+    model.terms.push(Term { value: 0.4e-3, ..Term::new("a_2", "test", link, Basis::CONSTANT) });
+    let position = |k: usize, letter: &str, q: [f64; 4]| {
+        // the controller's world stands where axis 2 passes axis 1
+        let world_from_base = pose(0.0, 0.0, -300.0, 0.0, 0.0, 0.0).compose(&nominal.cell.world_from_base.inverse());
+        let p = world_from_base.compose(&tool(&nominal, &q));
+        let [z, y, x] = angles_zyx(&p.rotation).map(f64::to_degrees);
+        let at = mm(&p);
+        format!(
+            "P[{k}]{{\n GP1:\n\tUF : F, UT : F, CONFIG : '{letter}, 0, 0, 0',\n\tX = {:.5} mm, Y = {:.5} mm, Z = {:.5} mm, W = {x:.7} deg, P = {y:.7} deg, R = {z:.7} deg\n}};\n",
+            at[0], at[1], at[2]
+        )
+    };
+    let listing = |elbow: f64, other: &str| {
+        let [one, two] = [[0.3, elbow, -0.08, 0.2], [0.4, elbow * 0.9, -0.06, 0.1]];
+        let home = format!(
+            "P[1]{{\n GP1:\n\tUF : F, UT : F,\n\tJ1= 5 deg, J2= {} deg, J3= -80 mm, J4= 3 deg\n}};\n",
+            elbow * 50.0
+        );
+        let motions =
+            "/PROG A\n/MN\n   1:J P[1] 100% FINE ;\n   2:L P[2] 100mm/sec FINE ;\n   3:L P[3] 100mm/sec FINE ;\n/POS\n";
+        format!("{motions}{home}{}{}/END\n", position(2, "L", one), position(3, other, two))
+    };
+    for elbow in [0.7, -0.7] {
+        let (_, report) = run(listing(elbow, "L").as_bytes(), Dialect::Fanuc, &nominal, &model, &Frames::default());
+        assert!(report.problems.is_empty() && report.rewritten == 3, "{:?}", report.problems);
+        assert!(report.rows.iter().all(|row| row.joints[1] * elbow > 0.0));
+    }
+    let (_, report) = run(listing(0.7, "R").as_bytes(), Dialect::Fanuc, &nominal, &model, &Frames::default());
+    let said: Vec<String> = report.problems.iter().map(ToString::to_string).collect();
+    assert!(said.len() == 1 && said[0].contains("to which side the elbow points"), "{said:?}");
+    let said = refused(listing(0.7, "L").as_bytes(), Dialect::Fanuc);
+    assert!(said.contains("configuration 'L', as SCARA arms of 4 joints have; the robot has 6 joints"), "{said}");
 }
 
 /// A Panda's lengths.

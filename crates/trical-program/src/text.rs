@@ -215,7 +215,9 @@ impl<'a> Cursor<'a> {
     pub fn until(&self, ends: &[u8]) -> &'a [u8] {
         let text = self.bytes.get(self.at..).unwrap_or(&[]);
         let text = &text[..text.len().min(FARTHEST)];
-        &text[..text.iter().position(|b| ends.contains(b)).unwrap_or(text.len())]
+        let is_end = |b: &u8| ends.contains(b);
+        let end = if ends.is_empty() { None } else { text.iter().position(is_end) };
+        &text[..end.unwrap_or(text.len())]
     }
 
     /// Whether the word at `at` is a part of what stands before it (`x.end`).

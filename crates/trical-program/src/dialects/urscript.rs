@@ -400,35 +400,6 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// `[p[...],p[...]]` or `[[...],[...]]`, which becomes the list of this name; what is none is not passed.
-    fn list_of_places(&mut self, name: Span) -> bool {
-        let start = self.c;
-        let mut places = Vec::new();
-        if self.c.eat(b'[') {
-            while let Literal::Numbers(shape, spans) = self.literal() {
-                places.push((shape, spans));
-                if !self.c.eat(b',') {
-                    break;
-                }
-            }
-        }
-        let is_list = !places.is_empty() && self.c.eat(b']');
-        if !is_list {
-            self.c = start;
-            return false;
-        }
-        let first = self.scan.spots.len();
-        for (shape, spans) in places {
-            self.scan.push(shape, &spans, Configuration::Free, name, External::None);
-        }
-        let hash = self.key(name.text(self.c.bytes));
-        self.names.define(hash, first, self.scan.spots.len());
-        self.in_frames.remove(&hash);
-        self.near.remove(&hash);
-        self.values.insert(hash, None);
-        true
-    }
-
     /// One of the numbers of a pose, or of joints, becomes what stands at the cursor; `index` is at its bracket.
     fn element(&mut self, mut index: Cursor<'_>, hash: u64) {
         index.at += 1;

@@ -10,7 +10,7 @@ use crate::names::Origin;
 use crate::packed::External;
 use crate::reaching::Part;
 use crate::scan::hashed;
-use crate::text::{Span, lower, number};
+use crate::text::{Span, is_letter, lower, number};
 
 /// Values of external axes from here on mean that there is none (9E9).
 const NO_AXIS: f64 = 1e8;
@@ -59,8 +59,13 @@ impl Reader<'_> {
         self.name = Span::default();
         let hash = self.key(name.text(self.c.bytes));
         let end = self.scan.spots.len();
+        let bytes = self.c.bytes;
+        let is_name = |given: Span| given.text(bytes).trim_ascii().iter().all(|b| is_letter(*b));
+        let holds_names = self.elements.iter().any(|element| element.name.is_some_and(is_name));
         let holds_others = self.placeholders || self.elements.iter().any(|element| element.name.is_some());
-        if self.arrays.contains(&hash) && holds_others && end > first && part == Part::Whole {
+        let holds_others = holds_names || holds_others && end > first;
+        let is_array = self.arrays.contains(&hash) && part == Part::Whole;
+        if is_array && holds_others {
             self.define_elements(hash, first);
         } else {
             self.names.define_part(hash, part, first, end);
@@ -69,7 +74,7 @@ impl Reader<'_> {
             self.names.listed(hash);
         } else if self.placeholders {
             self.unset.insert(hash);
-        } else if end == first {
+        } else if end == first && !(is_array && holds_names) {
             self.names.set_from(hash, Origin::Computed(name.at));
         }
     }

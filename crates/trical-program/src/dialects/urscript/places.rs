@@ -12,6 +12,72 @@ use crate::scan::{Setup, Visit};
 use crate::text::{Span, is_among_as_written, lower, mentions};
 
 impl Reader<'_> {
+    /// `[p[...],p[...]]`, `[[...],[...]]` or `[wp1,wp2]`, which becomes the list of this name; what is none is not passed.
+    pub(super) fn list_of_places(&mut self, name: Span) -> bool {
+        let start = self.c;
+        let mut places = Vec::new();
+        if self.c.eat(b'[') {
+            loop {
+                let place = match self.literal() {
+                    Literal::Numbers(shape, spans) => Ok((shape, spans)),
+                    Literal::None => match self.target_name() {
+                        Some(named) => Err(named),
+                        None => break,
+                    },
+                    Literal::Unread(_) => break,
+                };
+                places.push(place);
+                if !self.c.eat(b',') {
+                    break;
+                }
+            }
+        }
+        let is_list = !places.is_empty() && self.c.eat(b']');
+        if !is_list {
+            self.c = start;
+            return false;
+        }
+        let hash = self.key(name.text(self.c.bytes));
+        let first = self.scan.spots.len();
+        let holds_names = places.iter().any(Result::is_err);
+        for (k, place) in places.into_iter().enumerate() {
+            match place {
+                Ok((shape, spans)) => {
+                    let spot = self.scan.push(shape, &spans, Configuration::Free, name, External::None) as usize;
+                    if holds_names {
+                        self.names.define_part(hash, Part::Element(k), spot, spot + 1);
+                    }
+                }
+                Err((other, at)) => {
+                    self.names.copied(at);
+                    self.names.set_from(hash, Origin::Name { name: other, at: at as u32 });
+                }
+            }
+        }
+        if !holds_names {
+            self.names.define(hash, first, self.scan.spots.len());
+        }
+        self.in_frames.remove(&hash);
+        self.near.remove(&hash);
+        self.values.insert(hash, None);
+        true
+    }
+
+    /// The name of a target that stands in a list by itself, and where; where none does, nothing is passed.
+    fn target_name(&mut self) -> Option<(u64, usize)> {
+        self.c.skip_space();
+        let start = self.c;
+        let word = self.c.word();
+        let name = self.key(word);
+        let is_known = !word.is_empty() && self.moved_to.contains(&name) && !self.in_frames.contains_key(&name);
+        self.c.skip_space();
+        if is_known && matches!(self.c.peek(), b',' | b']') {
+            return Some((name, start.at));
+        }
+        self.c = start;
+        None
+    }
+
     /// A place that is set to `get_inverse_kin(p[...])`, `pose_trans(plane,p[...])`, `pose_trans(plane,other)` or to
     /// what it is relative to, from behind the equals sign on.
     pub(super) fn placed(&mut self, name: Span) {

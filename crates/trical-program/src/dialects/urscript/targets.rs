@@ -11,6 +11,9 @@ use crate::text::Cursor;
 /// Arguments of a call, at most.
 const MOST_ARGUMENTS: usize = 100;
 
+/// Joints of an arm of Universal Robots.
+const JOINTS: usize = 6;
+
 /// Words with which functions begin, and other blocks.
 const FUNCTIONS: [&[u8]; 3] = [b"def", b"thread", b"sec"];
 const BLOCKS: [&[u8]; 3] = [b"while", b"if", b"for"];
@@ -170,6 +173,22 @@ fn place_name(c: &mut Cursor<'_>, scopes: &Scopes) -> Option<(u64, bool)> {
     }
 }
 
+/// The names that stand by themselves in a list (`[wp1,wp2]`); six are the joints of one place.
+fn names_in_list(mut c: Cursor<'_>, scopes: &Scopes) -> Vec<u64> {
+    let (mut found, mut count) = (Vec::new(), 0);
+    let mut more = c.eat(b'[');
+    while more {
+        count += 1;
+        c.skip_space();
+        let word = c.word();
+        let name = scopes.key(hashed(word), c.at);
+        c.skip_space();
+        found.extend((!word.is_empty() && matches!(c.peek(), b',' | b']')).then_some(name));
+        more = next_argument(&mut c);
+    }
+    if found.len() == count && count == JOINTS { Vec::new() } else { found }
+}
+
 /// How a name is used in `pose_trans(frame,name)`.
 pub(super) struct InFrame {
     /// The frame, by its hashed text, where it is the same everywhere, and the name stands nowhere else.
@@ -186,6 +205,9 @@ pub(super) fn targets(bytes: &[u8], scopes: &Scopes) -> (HashSet<u64>, HashMap<u
     while let Some((_, word)) = c.next_word() {
         let start = c;
         if c.eat_in_line(b'=') {
+            for source in names_in_list(c, scopes) {
+                copies.entry(scopes.key(hashed(word), start.at)).or_default().push(source);
+            }
             if let Some((source, inside)) = place_name(&mut c, scopes) {
                 c.skip_blank();
                 let is_end = matches!(c.peek(), b'\n' | b'\r' | b'#' | 0) || inside && matches!(c.peek(), b',' | b')');

@@ -429,6 +429,12 @@ pub(super) const RAPID: &[Case] = &[
         &[],
     ),
     case(
+        "an array of names",
+        "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget pIn:=@0;\nCONST robtarget pOut:=@1;\nCONST robtarget pOther:=@2;\nVAR robtarget way{2}:=[pIn,pOut];\nVAR robtarget seen{2}:=[Look(1),Look(2)];\nVAR num where{2}:=[nX,nY];\nPROC main()\nFOR i FROM 1 TO 2 DO\nMoveL way{i},v1,fine,t;\nENDFOR\nMoveL way{2},v1,fine,t;\nMoveL pOther,v1,fine,tool0;\nMoveL seen{1},v1,fine,t;\nENDPROC\n",
+        &[2, 3, 4],
+        &[(6, "calculated")],
+    ),
+    case(
         "names among the elements of an array",
         "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget q:=@0;\nVAR robtarget p{3}:=[@1,q,@2];\nMoveL p{1},v1,fine,tool0;\nMoveL p{3},v1,fine,t;\nMoveL q,v1,fine,t;\n",
         &[3, 3],

@@ -34,6 +34,12 @@ pub(super) const URSCRIPT: &[Case] = &[
         &[(12, "calculated")],
     ),
     case(
+        "lists of names",
+        "set_tcp(p[0,0,0.1,0,0,0])\nwp1=p[@0]\nwp2 = p[@1]\nother=p[@2]\nway=[wp1,\n wp2]\nmixed=[wp1, p[@2]]\ni=0\nwhile i<2:\nmovel(way[i])\ni=i+1\nend\nmovel(mixed[1])\nset_tcp(p[0,0,0.2,0,0,0])\nmovel(other)\na=0.1\na=a+0.1\nq=[a,a,a,a,a,a]\nmovej(q)\nseen=[camera(1),camera(2)]\nmovel(seen[0])\n",
+        &[2, 3, 4, 7],
+        &[(18, "holds 'a'"), (20, "calculated")],
+    ),
+    case(
         "functions of the language that move nothing",
         "wp=p[@0]\nmovel(wp)\nwrite_output_float_register(0, wp[0])\nset_gravity([0,0,9.82])\nwrite_output_float_register(1, norm(wp))\nmy_move(wp)\nmy_look(wp[2])\n",
         &[1],

@@ -321,6 +321,16 @@ fn limits_of_kilometres_are_those_that_a_robot_file_may_have() {
     assert!(again[0] == 0.0 && (again[1] - 1000.0).abs() < 1e-6, "{again:?}");
 }
 
+#[test]
+fn limits_of_joints_that_have_none_in_sdf_are_a_turn_to_either_side() {
+    let text = r#"<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="revolute"><parent link="a"/><child link="b"/>
+        <axis xyz="0 0 1"/><limit lower="-1e+16" upper="1e+16" effort="-1" velocity="-1"/></joint></robot>"#;
+    let limits = parse(text, "r.urdf", None, None).unwrap().robot.joints[0].limits;
+    assert_eq!(limits, [-std::f64::consts::TAU, std::f64::consts::TAU]);
+    let e = refused(&text.replace("-1e+16", "-1e+17"), None, None);
+    assert!(e.contains("<limit> lower: found '-1e+17', expected a number between"), "{e}");
+}
+
 /// An arm with a camera and a tool: the end that is proposed is the tool.
 #[test]
 fn of_several_ends_the_likeliest_is_proposed() {

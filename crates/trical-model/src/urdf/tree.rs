@@ -7,7 +7,7 @@ use crate::pose::Pose;
 use crate::recording::MAX_JOINTS;
 use crate::robot::{FARTHEST, JointKind};
 
-use super::xml::{Inertial, Joint, Urdf, error};
+use super::xml::{Inertial, Joint, NO_LIMIT, Urdf, error};
 
 type V3 = nalgebra::Vector3<f64>;
 
@@ -272,6 +272,7 @@ fn limits(joint: &Joint, file: &str) -> Result<[f64; 2]> {
         Some((line, Some(a), Some(b))) if a >= b => {
             bad(line, &format!("<limit> found lower {a} and upper {b}, expected a lower and a higher number"))
         }
+        Some((_, Some(a), Some(b))) if joint.kind != "prismatic" && -a >= NO_LIMIT && b >= NO_LIMIT => Ok(CONTINUOUS),
         Some((_, Some(a), Some(b))) => {
             // as far as a robot file may have it: 5000 m of a slide are meant as mm
             let kind = if joint.kind == "prismatic" { JointKind::Prismatic } else { JointKind::Revolute };

@@ -21,6 +21,9 @@ const DEEPEST: usize = 100;
 /// Two turns: no file needs more, and 30 deg are beyond it.
 const FARTHEST_TURN: f64 = 12.6;
 
+/// What converters from SDF write as the limit of a joint that has none, rad or m.
+pub(crate) const NO_LIMIT: f64 = 1e16;
+
 /// Mass and centre of gravity in the link's frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Inertial {
@@ -288,8 +291,9 @@ fn read_joint(joint: &mut Joint, e: &Element<'_>) -> Result<()> {
             Err(problem) => joint.has(problem),
         },
         "limit" => {
-            let number =
-                |name| -> Result<Option<f64>> { e.get(name)?.map(|t| e.number(name, &t, 1e4, "rad (m)")).transpose() };
+            let number = |name| -> Result<Option<f64>> {
+                e.get(name)?.map(|t| e.number(name, &t, NO_LIMIT, "rad (m)")).transpose()
+            };
             match number("lower").and_then(|lower| Ok((lower, number("upper")?))) {
                 Ok((lower, upper)) => joint.limit = Some((e.line, lower, upper)),
                 Err(problem) => joint.has(problem),

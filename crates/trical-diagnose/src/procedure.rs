@@ -52,6 +52,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
 
     task.step(0.75, "proving")?;
     let unsearched = rounds.fit_whole(&baseline)?;
+    rounds.shrink_curves()?;
     let effective = rounds.effective_parameters();
     rounds.fitted = rounds.fitted.with_shared_errors()?;
     let Rounds { kept, fitted, chosen, .. } = &rounds;
@@ -256,7 +257,6 @@ fn select(rounds: &mut Rounds, names_only: bool, task: &Task<'_>) -> Result<()> 
     rounds.release_curves()?;
     rounds.keep_what_pays()?;
     rounds.trade_curves()?;
-    rounds.shrink_curves()?;
     rounds.name_waves();
     Ok(())
 }

@@ -84,8 +84,6 @@ pub(crate) struct Rounds {
     idle: Vec<usize>,
     /// Those of the last round among all.
     last_idle: Vec<usize>,
-    /// How large waves of long curves are fitted, as a share of what the likelihood says.
-    curve_share: f64,
     /// How many parameters of the arm the data determine in that fit, if it is another one.
     determined: Option<f64>,
     /// How the noise is correlated, beside what was chosen.
@@ -185,7 +183,6 @@ impl Rounds {
             let_go: Vec::new(),
             idle: Vec::new(),
             last_idle: Vec::new(),
-            curve_share: 1.0,
             determined: None,
             correlation: CorrelatedNoise::WHITE,
             untestable: Vec::new(),

@@ -203,71 +203,64 @@ impl Rounds {
     }
 
     /// Fits once more with waves of long curves as much smaller, before anything is known of them, as foretells the errors at angles that a fit did
-    /// not visit best: what else a joint does there looks like its waves, and makes them swing where nothing holds them. How uncertain they are
-    /// stays as it was: where nothing was visited, the joint may be off by as much as the likelihood says.
+    /// not visit best: what else a joint does there looks like its waves, and makes them swing where nothing holds them. What is said of errors
+    /// afterwards is of such fits. How uncertain the waves are stays as it was: where nothing was visited, the joint may be off by as much as the
+    /// likelihood says. Where the exact fit does not follow, all stays as it was.
     pub(crate) fn shrink_curves(&mut self) -> Result<()> {
-        let members = self.members(&self.chosen);
-        let joints: Vec<usize> =
-            members.iter().filter(|c| c.is_long_curve()).filter_map(|c| c.site.joint()).take(CURVES_ASKED).collect();
-        if joints.is_empty() {
+        let share = self.curve_share()?;
+        if share == 1.0 {
             return Ok(());
         }
-        let best = {
-            let design = self.design_at(&self.fitted.model, &members, &[], CorrelatedNoise::WHITE)?;
-            let all: Vec<usize> = (0..members.len()).collect();
-            let folds = Folds::of(&self.kept);
-            let parts = |joint: &usize| {
-                let own = folds.by_angle(&self.kept, joint - 1);
-                Partition::unfitted(&design, &all, FOLDS, &|pose| own.block_of(pose) % FOLDS)
-            };
-            let parts: Vec<Partition<'_>> = joints.iter().filter_map(parts).collect();
-            let error = |share: f64| -> f64 {
-                let factor = |c: usize| if members[c].is_long_curve() { share } else { 1.0 };
-                let unseen = |own: &Partition<'_>| {
-                    let left = own.with_priors(&factor);
-                    let failed = left.iter().any(|r| r.is_infinite());
-                    if failed { f64::INFINITY } else { ErrorSummary::of(&own.position_errors(&left, None)).mean_mm }
-                };
-                parts.iter().map(unseen).sum()
-            };
-            let mut best = (1.0, f64::INFINITY);
-            for share in CURVE_SHARES {
-                let new = error(share);
-                if new >= best.1 {
-                    break;
-                }
-                best = (share, new);
-            }
-            best.0
-        };
-        self.curve_share = best;
-        self.refit_shrunk();
+        let (wide, known, candidates) = (self.fitted.clone(), self.known.clone(), self.candidates.clone());
+        for curve in self.candidates.iter_mut().filter(|c| c.is_long_curve()) {
+            curve.scales.iter_mut().for_each(|sd| *sd *= share);
+        }
+        let kept = std::mem::replace(&mut self.kept, self.fitted.data.clone());
+        let followed = self.refit().is_ok();
+        self.kept = kept;
+        if !followed {
+            (self.fitted, self.known, self.candidates) = (wide, known, candidates);
+            return Ok(());
+        }
+        self.determined = Some(self.effective_parameters());
+        for (t, wide) in self.fitted.model.terms.iter_mut().zip(wide.model.terms) {
+            t.sd = wide.sd;
+        }
+        (self.fitted.covariance, self.fitted.known) = (wide.covariance, wide.known);
         Ok(())
     }
 
-    /// The exact fit with the waves of curves as small as foretells best: values are its, uncertainties those of the fit before. Where it does
-    /// not follow, the values stay as well.
-    pub(super) fn refit_shrunk(&mut self) {
-        if self.curve_share == 1.0 {
-            return;
+    /// The share of the size that the likelihood says of waves of long curves with which errors at angles that a fit did not visit are least.
+    fn curve_share(&self) -> Result<f64> {
+        let members = self.members(&self.chosen);
+        let joints: Vec<usize> =
+            members.iter().filter(|c| c.is_long_curve()).filter_map(|c| c.site.joint()).take(CURVES_ASKED).collect();
+        let mut best = (1.0, f64::INFINITY);
+        if joints.is_empty() {
+            return Ok(best.0);
         }
-        self.determined = None;
-        let curves: Vec<usize> = self.chosen.iter().copied().filter(|c| self.candidates[*c].is_long_curve()).collect();
-        let (wide, known, before) = (self.fitted.clone(), self.known.clone(), self.members(&curves));
-        for c in &curves {
-            self.candidates[*c].scales.iter_mut().for_each(|s| *s *= self.curve_share);
-        }
-        let followed = self.refit().is_ok();
-        let effective = self.effective_parameters();
-        let lean = std::mem::replace(&mut self.fitted, wide);
-        self.known = known;
-        curves.into_iter().zip(before).for_each(|(c, before)| self.candidates[c] = before);
-        if followed {
-            self.determined = Some(effective);
-            for (t, lean) in self.fitted.model.terms.iter_mut().zip(lean.model.terms) {
-                t.value = lean.value;
+        let design = self.design_at(&self.fitted.model, &members, &[], CorrelatedNoise::WHITE)?;
+        let all: Vec<usize> = (0..members.len()).collect();
+        let folds = Folds::of(&self.kept);
+        let parts = |joint: &usize| {
+            let own = folds.by_angle(&self.kept, joint - 1);
+            Partition::unfitted(&design, &all, FOLDS, &|pose| own.block_of(pose) % FOLDS)
+        };
+        let parts: Vec<Partition<'_>> = joints.iter().filter_map(parts).collect();
+        for share in CURVE_SHARES {
+            let factor = |c: usize| if members[c].is_long_curve() { share } else { 1.0 };
+            let unseen = |own: &Partition<'_>| {
+                let left = own.with_priors(&factor);
+                let failed = left.iter().any(|r| r.is_infinite());
+                if failed { f64::INFINITY } else { ErrorSummary::of(&own.position_errors(&left, None)).mean_mm }
+            };
+            let new = parts.iter().map(unseen).sum();
+            if new >= best.1 {
+                break;
             }
+            best = (share, new);
         }
+        Ok(best.0)
     }
 
     /// Drops what does not pay at blocks of poses that the fit did not see, in the last quarter of the sessions, foreseen by what came before,
@@ -375,13 +368,21 @@ mod tests {
             rounds.chosen = vec![rounds.candidates.len()];
             rounds.candidates.push(curve);
             rounds.refit().unwrap();
-            let before = (waves(&rounds), rounds.effective_parameters());
+            let state = |rounds: &Rounds| {
+                // with what is known beforehand in such a fit, and in one to other poses
+                let sizes =
+                    [rounds.candidates[rounds.chosen[0]].scales[0], rounds.known.last().unwrap().prior.unwrap().sd];
+                (waves(rounds), rounds.effective_parameters(), sizes)
+            };
+            let before = state(&rounds);
             rounds.shrink_curves().unwrap();
-            (before, (waves(&rounds), rounds.effective_parameters()))
+            (before, state(&rounds))
         };
         let size = |waves: &[(f64, Option<f64>)]| waves.iter().map(|w| w.0.powi(2)).sum::<f64>();
-        let ((before, many), (after, fewer)) = fitted(100.0);
+        let ((before, many, wide), (after, fewer, lean)) = fitted(100.0);
         assert!(fewer < many, "{many} {fewer}");
+        let shares = [lean[0] / wide[0], lean[1] / wide[1]];
+        assert!(shares[0] < 1.0 && (shares[0] - shares[1]).abs() < 1e-12, "{shares:?}");
         assert!(size(&after) < size(&before), "{} {}", size(&before), size(&after));
         assert!(before.iter().zip(&after).all(|(a, b)| a.1 == b.1));
         let (before, after) = fitted(0.1);

@@ -49,9 +49,6 @@ impl Rounds {
         };
         let some = std::mem::replace(&mut self.kept, kept);
         let fitted = self.refit();
-        if fitted.is_ok() {
-            self.refit_shrunk();
-        }
         self.kept = some;
         fitted.map(|()| Some(unsearched))
     }

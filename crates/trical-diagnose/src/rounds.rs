@@ -84,7 +84,7 @@ pub(crate) struct Rounds {
     idle: Vec<usize>,
     /// Those of the last round among all.
     last_idle: Vec<usize>,
-    /// How many parameters of the arm the data determine in that fit, if it is another one.
+    /// How many parameters of the arm the data determine, where curves were shrunk: standard deviations are those of the fit before.
     determined: Option<f64>,
     /// How the noise is correlated, beside what was chosen.
     pub(crate) correlation: CorrelatedNoise,

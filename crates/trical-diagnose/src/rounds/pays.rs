@@ -211,7 +211,7 @@ impl Rounds {
         if share == 1.0 {
             return Ok(());
         }
-        let (wide, known, candidates) = (self.fitted.clone(), self.known.clone(), self.candidates.clone());
+        let (wide, candidates) = (self.fitted.clone(), self.candidates.clone());
         for curve in self.candidates.iter_mut().filter(|c| c.is_long_curve()) {
             curve.scales.iter_mut().for_each(|sd| *sd *= share);
         }
@@ -219,7 +219,7 @@ impl Rounds {
         let followed = self.refit().is_ok();
         self.kept = kept;
         if !followed {
-            (self.fitted, self.known, self.candidates) = (wide, known, candidates);
+            self.candidates = candidates;
             return Ok(());
         }
         self.determined = Some(self.effective_parameters());

@@ -60,22 +60,24 @@ fn joints_and_poses_of_an_arm_of_five_joints_bring_its_point_where_it_is_wanted(
     }
 }
 
-/// Two joints that turn, one that slides, and one that turns.
-fn scara() -> String {
+/// Two joints that turn, one that slides, and one that turns: the nominal arm, and a real one whose second link is longer.
+fn scara() -> (Model, Model) {
     let joint = |kind: &str, a: f64, d: f64, limits: &str| {
         format!("[[joint]]\nkind = \"{kind}\"\nalpha_deg = 0\na_mm = {a}\nd_mm = {d}\ntheta_offset_deg = 0\n{limits}\n")
     };
     let turns = |a: f64, d: f64| joint("revolute", a, d, "limits_deg = [-150, 150]");
     let slide = joint("prismatic", 250.0, 0.0, "limits_mm = [-200, 0]");
-    ["name = \"SCARA\"\n", &turns(0.0, 300.0), &turns(300.0, 0.0), &slide, &turns(0.0, 0.0)].concat()
+    let arm = ["name = \"SCARA\"\n", &turns(0.0, 300.0), &turns(300.0, 0.0), &slide, &turns(0.0, 0.0)].concat();
+    let nominal = Model { robot: Robot::parse(&arm, "scara.toml").unwrap(), ..nominal(IRB) };
+    let mut model = nominal.clone();
+    let link = Site::Link { link: 2, parameter: Parameter::A };
+    model.terms.push(Term { value: 0.4e-3, ..Term::new("a_2", "test", link, Basis::CONSTANT) });
+    (nominal, model)
 }
 
 #[test]
 fn joints_and_poses_of_an_arm_whose_third_joint_slides_are_read() {
-    let nominal = Model { robot: Robot::parse(&scara(), "scara.toml").unwrap(), ..nominal(IRB) };
-    let mut model = nominal.clone();
-    let link = Site::Link { link: 2, parameter: Parameter::A };
-    model.terms.push(Term { value: 0.4e-3, ..Term::new("a_2", "test", link, Basis::CONSTANT) });
+    let (nominal, model) = scara();
     let q = [0.3, 0.7, -0.08, 0.2];
     let p = nominal.cell.world_from_base.inverse().compose(&tool(&nominal, &q));
     let by_poses = format!("x_mm,y_mm,z_mm,qw,qx,qy,qz\n{},{}\n", numbers(&mm(&p)), quaternion(&p));
@@ -98,10 +100,7 @@ fn joints_and_poses_of_an_arm_whose_third_joint_slides_are_read() {
 
 #[test]
 fn to_which_side_a_scara_elbow_points_is_as_at_the_joint_values_before() {
-    let nominal = Model { robot: Robot::parse(&scara(), "scara.toml").unwrap(), ..nominal(IRB) };
-    let mut model = nominal.clone();
-    let link = Site::Link { link: 2, parameter: Parameter::A };
-    model.terms.push(Term { value: 0.4e-3, ..Term::new("a_2", "test", link, Basis::CONSTANT) });
+    let (nominal, model) = scara();
     let position = |k: usize, letter: &str, q: [f64; 4]| {
         // the controller's world stands where axis 2 passes axis 1
         let world_from_base = pose(0.0, 0.0, -300.0, 0.0, 0.0, 0.0).compose(&nominal.cell.world_from_base.inverse());

@@ -101,7 +101,7 @@ impl Bench {
         let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
         let mut nominal = Model::nominal(robot.clone(), cell.clone());
         nominal.terms =
-            trical_ident::identifiability::independent_terms(&nominal, &data, &ParameterSet::Compliance.into())
+            trical_ident::fit::identifiability::independent_terms(&nominal, &data, &ParameterSet::Compliance.into())
                 .unwrap()
                 .0;
         let options = PlanOptions {

@@ -1,7 +1,7 @@
 //! Identification and identifiability.
 
-use trical_ident::identifiability::{independent_terms, observability, r_factor};
-use trical_ident::identify::prepared;
+use trical_ident::fit::identifiability::{independent_terms, observability, r_factor};
+use trical_ident::fit::identify::prepared;
 use trical_ident::{Choice, Dataset, Identified, JointSource, Noise, ParameterSet, fit_model, identify, load_csv};
 use trical_model::{Forward, Measured, Model, State};
 

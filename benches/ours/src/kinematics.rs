@@ -32,7 +32,8 @@ pub fn run(task: &Task) {
         }
         let data = crate::identification::load(task, "rigid_touches.csv");
         let mut model = nominal.clone();
-        model.terms = trical_ident::identifiability::independent_terms(&model, &data, &Choice::from(set)).unwrap().0;
+        model.terms =
+            trical_ident::fit::identifiability::independent_terms(&model, &data, &Choice::from(set)).unwrap().0;
         let p = model.terms.len();
         let forward = Forward::new(model, (0..p).collect()).unwrap();
         let (mut ws, mut jacobian) = (forward.workspace(), vec![0.0; 3 * p]);

@@ -37,7 +37,7 @@ fn choice(task: &Task) {
     model.frames = vec![trical_model::Pose::identity()];
     let data = crate::identification::load(task, "rigid_points.csv");
     model.terms =
-        trical_ident::identifiability::independent_terms(&model, &data, &Choice::from(ParameterSet::Geometry))
+        trical_ident::fit::identifiability::independent_terms(&model, &data, &Choice::from(ParameterSet::Geometry))
             .unwrap()
             .0;
     let p = model.terms.len();

@@ -1,9 +1,9 @@
 //! Between which explanations the data cannot decide, and what each of them says of measurements that were not made yet.
 
 use trical_ident::error::{IdentError, Result};
-use trical_ident::identifiability::r_factor;
-use trical_ident::identify::fit_model_knowing;
-use trical_ident::known::Known;
+use trical_ident::fit::identifiability::r_factor;
+use trical_ident::fit::identify::fit_model_knowing;
+use trical_ident::fit::priors::PriorKnowledge;
 use trical_model::{Forward, MAX_JOINTS, Model, State, Term};
 
 use crate::candidate::Candidate;
@@ -52,11 +52,11 @@ impl Diagnosis {
         let mut add = |name: String, candidate: Option<&Candidate>| -> Result<()> {
             let mut model = self.model.clone();
             model.terms = shared.iter().map(|t| self.model.terms[*t].clone()).collect();
-            let mut known: Vec<Known> = shared.iter().map(|t| self.grounds.known[*t]).collect();
+            let mut known: Vec<PriorKnowledge> = shared.iter().map(|t| self.grounds.known[*t]).collect();
             for (t, sd) in candidate.iter().flat_map(|c| c.terms.iter().zip(&c.scales)) {
                 let name = format!("rival_{}", t.name);
                 model.terms.push(Term { name, ..t.clone() });
-                known.push(Known::about_zero(*sd));
+                known.push(PriorKnowledge::about_zero(*sd));
             }
             let fitted = fit_model_knowing(model, &self.data, &self.grounds.noise, &known, Vec::new());
             models.push(fitted?.model);
@@ -70,7 +70,7 @@ impl Diagnosis {
             add("nothing".into(), None)?;
         }
         let forward = Forward::new(self.model.clone(), shared.clone())?;
-        let known: Vec<Known> = shared.iter().map(|t| self.grounds.known[*t]).collect();
+        let known: Vec<PriorKnowledge> = shared.iter().map(|t| self.grounds.known[*t]).collect();
         let r = r_factor(&forward, &self.data, &self.grounds.noise, &known);
         let p = shared.len();
         let information =

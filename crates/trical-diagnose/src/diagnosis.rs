@@ -3,10 +3,10 @@
 use serde::Serialize;
 use trical_ident::HeldOut;
 use trical_ident::dataset::{Dataset, Rejected};
-use trical_ident::identify::ErrorSummary;
-use trical_ident::known::Known;
+use trical_ident::fit::identify::ErrorSummary;
+use trical_ident::fit::noise::Noise;
+use trical_ident::fit::priors::PriorKnowledge;
 use trical_ident::model_file::{ModelFile, Uncertainty};
-use trical_ident::noise::Noise;
 use trical_model::{Model, Place, Scope};
 
 use crate::candidate::Candidate;
@@ -232,7 +232,7 @@ pub struct Final {
     pub effective_parameters: f64,
     /// Poses, and blocks of neighbouring ones: so many independent poses of the arm were measured.
     pub poses: usize,
-    /// See [`trical_ident::folds::Folds::blocks`].
+    /// See [`trical_ident::fit::folds::Folds::blocks`].
     pub blocks: usize,
     /// Errors at poses that the fit did not see, each way that the data allow.
     pub held_out: HeldOut,
@@ -298,7 +298,7 @@ impl Diagnosis {
 pub struct Grounds {
     pub(crate) noise: Noise,
     /// Of the model's terms, in their order.
-    pub(crate) known: Vec<Known>,
+    pub(crate) known: Vec<PriorKnowledge>,
     /// For every finding, the candidates that it consists of, and the best candidate of each of its rivals.
     pub(crate) findings: Vec<(Vec<Candidate>, Vec<Candidate>)>,
     /// Standard deviation of a touch's scalar residual, m.

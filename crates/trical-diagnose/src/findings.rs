@@ -1,9 +1,9 @@
 //! From what was chosen to what is said: findings with their evidence and rivals, what has no name, what could not be seen.
 
-use trical_ident::caution::listed;
 use trical_ident::dataset::Dataset;
-use trical_ident::fit::position_errors;
-use trical_ident::identify::{ErrorSummary, Identified};
+use trical_ident::fit::cautions::listed;
+use trical_ident::fit::identify::{ErrorSummary, Identified};
+use trical_ident::fit::residuals::position_errors;
 use trical_ident::units::unit;
 use trical_model::{Forward, Model, Place, Robot, Scope, Term, Variable};
 

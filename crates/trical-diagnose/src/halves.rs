@@ -8,8 +8,8 @@ use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use trical_ident::dataset::Dataset;
 use trical_ident::error::Result;
-use trical_ident::folds::Folds;
-use trical_ident::noise::Noise;
+use trical_ident::fit::folds::Folds;
+use trical_ident::fit::noise::Noise;
 use trical_model::Term;
 
 use crate::candidate::{Candidate, said_by};

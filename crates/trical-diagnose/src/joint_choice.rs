@@ -1,8 +1,8 @@
 //! Which joint angles to use, where the user leaves that to the data.
 
+use trical_ident::calibration::joint_choice::all_commanded;
 use trical_ident::dataset::{Dataset, JointSource};
 use trical_ident::error::Result;
-use trical_ident::joint_choice::all_commanded;
 use trical_model::{Cell, Recording, Robot, Task};
 
 use crate::diagnosis::Diagnosis;

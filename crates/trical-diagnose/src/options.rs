@@ -2,7 +2,7 @@
 
 use trical_ident::calibration::ToolSharing;
 use trical_ident::dataset::JointSource;
-use trical_ident::known::KnownParameters;
+use trical_ident::fit::priors::KnownParameters;
 
 /// What is asked of a diagnosis.
 #[derive(Clone, Debug)]

@@ -1,8 +1,8 @@
 //! The joint fit of everything that was chosen, in parts: what the fit to the others says of each, in errors and in log scores of blocks of
 //! neighbouring poses.
 
-use trical_ident::folds::{FOLDS, Folds};
-use trical_ident::identify::ErrorSummary;
+use trical_ident::fit::folds::{FOLDS, Folds};
+use trical_ident::fit::identify::ErrorSummary;
 
 use crate::candidate::Candidate;
 use crate::effect_id::Cause;

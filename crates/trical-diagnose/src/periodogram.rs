@@ -5,7 +5,7 @@ use pulp::Arch;
 use rayon::prelude::*;
 use trical_ident::dataset::Dataset;
 use trical_ident::error::Result;
-use trical_ident::identify::Identified;
+use trical_ident::fit::identify::Identified;
 use trical_model::{Basis, Place, Shape, Site, Term, Variable, trig};
 
 use crate::candidate::{Candidate, Physical};

@@ -3,16 +3,16 @@
 use std::collections::BTreeSet;
 
 use trical_ident::HeldOut;
-use trical_ident::caution::{EVEN_MASSES, cautions, listed, shared_errors, too_many, without_masses};
 use trical_ident::dataset::Dataset;
+use trical_ident::dataset::readings::Scatter;
 use trical_ident::date::newest;
 use trical_ident::error::{IdentError, Result};
-use trical_ident::fit::position_errors;
-use trical_ident::folds::Folds;
-use trical_ident::identifiability::Choice;
-use trical_ident::identify::ErrorSummary;
+use trical_ident::fit::cautions::{EVEN_MASSES, cautions, listed, shared_errors, too_many, without_masses};
+use trical_ident::fit::folds::Folds;
+use trical_ident::fit::identifiability::Choice;
+use trical_ident::fit::identify::ErrorSummary;
+use trical_ident::fit::residuals::position_errors;
 use trical_ident::model_file::Uncertainty;
-use trical_ident::readings::Scatter;
 use trical_model::{Cell, Forward, Model, Place, Robot, Task, Term};
 
 use crate::candidate::Candidate;
@@ -43,7 +43,7 @@ use crate::verdict;
 /// Diagnoses recordings of one arm, one session each.
 ///
 /// # Errors
-/// As [`trical_ident::identify::identify`].
+/// As [`trical_ident::fit::identify::identify`].
 pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, task: &Task<'_>) -> Result<Diagnosis> {
     task.step(0.0, "checking rows")?;
     let mut rounds = Rounds::begin(robot, cell, data, options)?;

@@ -5,10 +5,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use trical_ident::dataset::{Dataset, Observation};
 use trical_ident::dense::{Cholesky, Mat};
 use trical_ident::error::Result;
-use trical_ident::fit::{length, position_errors, weighted_residuals};
-use trical_ident::gross::{right_ball, wrong_ball};
-use trical_ident::identify::Identified;
-use trical_ident::noise::Noise;
+use trical_ident::fit::gross_errors::{right_ball, wrong_ball};
+use trical_ident::fit::identify::Identified;
+use trical_ident::fit::noise::Noise;
+use trical_ident::fit::residuals::{length, position_errors, weighted_residuals};
 use trical_model::{Forward, Measured, Model};
 
 use crate::settings::{OUTLIER_SHARE, OUTLIER_SIGMAS, OUTLIERS, REPEATS_BY_CHANCE};
@@ -150,8 +150,8 @@ mod tests {
 
     use super::*;
     use crate::test_data::{touches, with_joint_2};
-    use trical_ident::identify::fit_model_knowing;
-    use trical_ident::known::Known;
+    use trical_ident::fit::identify::fit_model_knowing;
+    use trical_ident::fit::priors::PriorKnowledge;
     use trical_ident::{Choice, ParameterSet, identify};
     use trical_model::{Basis, Shape, Site, State, Term, Variable};
 
@@ -168,8 +168,8 @@ mod tests {
         let plain = identify(&truth.robot, &truth.cell, &near, Choice::from(ParameterSet::Compliance)).unwrap();
         let mut model = plain.model.clone();
         model.terms.push(Term::new("growth", "unexplained", Site::Joint { joint: 2 }, far));
-        let mut known = vec![Known::NOTHING; plain.model.terms.len()];
-        known.push(Known::about_zero(1e-2));
+        let mut known = vec![PriorKnowledge::NOTHING; plain.model.terms.len()];
+        known.push(PriorKnowledge::about_zero(1e-2));
         let fitted = fit_model_knowing(model, &near, &plain.noise, &known, Vec::new()).unwrap();
         let kept = |fitted: &Identified| without_outliers(fitted, &data).unwrap().observations.len();
         assert!(near.observations.len() < 190 && kept(&plain) < 199, "{} {}", near.observations.len(), kept(&plain));

@@ -10,21 +10,21 @@ mod whole;
 
 use std::collections::BTreeSet;
 
-use trical_ident::by_place::choose;
+use trical_ident::calibration::by_place::choose;
 use trical_ident::calibration::{own_setup, refuse_no_arm};
-use trical_ident::caution::{held, near_nominal};
+use trical_ident::dataset::readings::{Scatter, averaged};
+use trical_ident::dataset::sample::sample_poses;
 use trical_ident::dataset::{Dataset, Observation};
 use trical_ident::error::Result;
-use trical_ident::follow::refuse_stuck_stems;
-use trical_ident::gross::reject_gross_errors_beyond;
-use trical_ident::identifiability::{Choice, ParameterSet};
-use trical_ident::identify::{ErrorSummary, Identified, fit_some, identify, manner};
-use trical_ident::known::Known;
-use trical_ident::read_otherwise::read_otherwise;
-use trical_ident::readings::{Scatter, averaged};
-use trical_ident::sample::sample_poses;
-use trical_ident::solver::LmParams;
-use trical_ident::weak::SOFTEST;
+use trical_ident::fit::cautions::{held, near_nominal};
+use trical_ident::fit::gross_errors::reject_gross_errors_beyond;
+use trical_ident::fit::identifiability::{Choice, ParameterSet};
+use trical_ident::fit::identify::{ErrorSummary, Identified, fit_some, identify, manner};
+use trical_ident::fit::levenberg_marquardt::LmParams;
+use trical_ident::fit::priors::PriorKnowledge;
+use trical_ident::fit::read_otherwise::read_otherwise;
+use trical_ident::fit::stuck_stems::refuse_stuck_stems;
+use trical_ident::fit::weak_priors::SOFTEST;
 use trical_model::interrupt::checkpoint;
 use trical_model::{Cell, Measured, Model, Place, Robot, Site, Task, Term};
 
@@ -63,7 +63,7 @@ pub(crate) struct Rounds {
     /// The fit with everything chosen: terms of the baseline, then those of the chosen candidates.
     pub(crate) fitted: Identified,
     /// What was known of its terms beforehand.
-    pub(crate) known: Vec<Known>,
+    pub(crate) known: Vec<PriorKnowledge>,
     /// How far the plain model is off, standard deviation of a measured length, m.
     plain: f64,
     /// How many of its terms are the baseline's.
@@ -115,7 +115,7 @@ struct Round {
     chosen: Vec<usize>,
     correlation: CorrelatedNoise,
     fitted: Identified,
-    known: Vec<Known>,
+    known: Vec<PriorKnowledge>,
 }
 
 impl Round {
@@ -150,12 +150,12 @@ impl Rounds {
         let fitted = identify(&robot, cell, &all, choice)?;
         refuse_no_arm(BASELINE, ErrorSummary::of(&fitted.errors()?))?;
         let mut known = fitted.known.clone();
-        known.resize(fitted.model.terms.len(), Known::NOTHING);
+        known.resize(fitted.model.terms.len(), PriorKnowledge::NOTHING);
         // an effect of the load times a compliance could be anything, were the compliance so
-        let is_lax = |k: &Known| k.prior.is_none_or(|p| p.value == 0.0 && p.sd > SOFTEST);
+        let is_lax = |k: &PriorKnowledge| k.prior.is_none_or(|p| p.value == 0.0 && p.sd > SOFTEST);
         for (t, k) in fitted.model.terms.iter().zip(&mut known) {
             if t.gives_way().is_some() && is_lax(k) {
-                k.prior = Known::about_zero(SOFTEST).prior;
+                k.prior = PriorKnowledge::about_zero(SOFTEST).prior;
             }
         }
         let nominal = [held(&robot, &fitted.data, &fitted.held()), near_nominal(&fitted.kept_near_nominal())];
@@ -538,13 +538,13 @@ impl Rounds {
                     term.name = format!("{}_{}", term.name, copies + 1);
                 }
                 model.terms.push(term);
-                known.push(Known::about_zero(*sd));
+                known.push(PriorKnowledge::about_zero(*sd));
             }
         }
         let held: usize = self.held.iter().map(|c| self.candidates[*c].terms.len()).sum();
         let fixed = self.baseline_terms..self.baseline_terms + if curves { 0 } else { held };
         let free: Vec<usize> = (0..model.terms.len()).filter(|k| !fixed.contains(k)).collect();
-        let of_free: Vec<Known> = free.iter().map(|k| known[*k]).collect();
+        let of_free: Vec<PriorKnowledge> = free.iter().map(|k| known[*k]).collect();
         let noise = &self.fitted.noise;
         self.fitted = fit_some(model, free, &self.kept, noise, &of_free, Vec::new(), &self.params)?;
         self.known = known;
@@ -597,7 +597,7 @@ impl Rounds {
     fn add_to_baseline(&mut self, terms: Vec<Term>) -> Result<()> {
         let at = self.baseline_terms;
         self.baseline_terms += terms.len();
-        self.known.splice(at..at, vec![Known::NOTHING; terms.len()]);
+        self.known.splice(at..at, vec![PriorKnowledge::NOTHING; terms.len()]);
         self.fitted.model.terms.splice(at..at, terms);
         self.refit()
     }

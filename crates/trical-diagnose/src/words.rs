@@ -1,6 +1,6 @@
 //! Places, variables and regions in words.
 
-use trical_ident::caution::listed;
+use trical_ident::fit::cautions::listed;
 use trical_model::Robot;
 
 /// "97 %", "62 to 97 %".

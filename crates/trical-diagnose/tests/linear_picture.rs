@@ -12,7 +12,7 @@ use trical_diagnose::linear::{Design, Downdate, Fitted, Partition, RegressionSta
 use trical_diagnose::locators::locators;
 use trical_diagnose::selection::Search;
 use trical_diagnose::{Cause, EffectId};
-use trical_ident::known::Known;
+use trical_ident::fit::priors::PriorKnowledge;
 use trical_ident::{Dataset, JointSource, Noise};
 use trical_model::{
     Axis, Basis, Cell, Forward, Measured, Model, Motion, Place, Recording, Robot, Row, Shape, Site, State, Term,
@@ -397,7 +397,8 @@ fn what_is_known_of_a_parameter_weighs_as_the_prior_of_a_candidate_does() {
     let candidate = Candidate { terms: vec![none], scales: vec![sd], signs: vec![0], ..candidates[0].clone() };
     model.terms.push(own);
     let p = model.terms.len();
-    let known: Vec<Known> = (1..p).map(|_| Known::NOTHING).chain([Known::about_zero(sd)]).collect();
+    let known: Vec<PriorKnowledge> =
+        (1..p).map(|_| PriorKnowledge::NOTHING).chain([PriorKnowledge::about_zero(sd)]).collect();
     let others: Vec<Candidate> = some(&candidates).into_iter().step_by(5).map(|k| candidates[k].clone()).collect();
     let design = |fitted: Fitted<'_>, candidates: &[Candidate]| {
         Design::weighted(fitted, candidates, &[], &data, &Noise::usual(1), CorrelatedNoise::WHITE).unwrap()

@@ -5,8 +5,8 @@ use divan::Bencher;
 use rand::{RngExt, SeedableRng};
 use rand_distr::Distribution;
 use rand_pcg::Pcg64Mcg;
-use trical_ident::identifiability::{independent_terms, r_factor};
-use trical_ident::identify::prepared;
+use trical_ident::fit::identifiability::{independent_terms, r_factor};
+use trical_ident::fit::identify::prepared;
 use trical_ident::{
     Choice, CsvStream, Dataset, JointSource, Noise, ParameterSet, fit_model, identify, identify_stream,
     reject_gross_errors,

@@ -1,29 +1,33 @@
 //! The one way from recordings to a calibration: which joints to believe, gross errors, what sessions share, the fit, and what it is worth
 //! at poses, blocks and sessions that it did not see. Command line, Python and reports show what this returns.
 
+pub mod by_place;
+pub(crate) mod held_out;
+pub mod joint_choice;
+
 use serde::Serialize;
 use serde::ser::SerializeMap;
 use trical_model::{Cell, MAX_JOINTS, Model, Motion, Recording, Robot, Site, Task};
 use trical_recording::CsvStream;
 
-use crate::by_place::{ByPlace, MeasuredDistance, OfPlace, TriedByPlace, choose, doubtful_places};
-use crate::caution::{
+use crate::calibration::by_place::{ByPlace, MeasuredDistance, OfPlace, TriedByPlace, choose, doubtful_places};
+use crate::calibration::held_out::held_out;
+pub use crate::calibration::held_out::{HeldOut, cross_validate, forward_in_time, score_sessions};
+use crate::calibration::joint_choice::clean;
+use crate::dataset::torque_load::{TorqueLoad, torque_loads};
+use crate::dataset::{Dataset, JointSource, Rejected};
+use crate::error::{IdentError, Result};
+use crate::fit::cautions::{
     EVEN_MASSES, beyond_limits, cautions, coincident, held, loads_left_out, near_nominal, no_arm, odd_units,
     shared_errors, too_many, which_target, without_masses,
 };
-use crate::dataset::{Dataset, JointSource, Rejected};
-use crate::error::{IdentError, Result};
-use crate::folds::Folds;
-use crate::held_out::held_out;
-pub use crate::held_out::{HeldOut, cross_validate, forward_in_time, score_sessions};
-use crate::identifiability::{Choice, Dependent, Elasticity, OwnSetup, ParameterSet, measured_torques};
-use crate::identify::{ErrorSummary, Identified, identify};
-use crate::joint_choice::clean;
-use crate::orientation::{AngleSummary, orientation};
-use crate::read_otherwise::read_otherwise;
+use crate::fit::folds::Folds;
+use crate::fit::identifiability::{Choice, Dependent, Elasticity, OwnSetup, ParameterSet, measured_torques};
+use crate::fit::identify::{ErrorSummary, Identified, identify};
+use crate::fit::orientation::{AngleSummary, orientation};
+use crate::fit::read_otherwise::read_otherwise;
+use crate::fit::stream::identify_stream;
 use crate::rigid::moved;
-use crate::stream::identify_stream;
-use crate::torque_load::{TorqueLoad, torque_loads};
 use crate::units::shown;
 
 /// Beyond so many measurements errors at unseen poses are worked out only where they are asked for, and standard deviations are those of

@@ -24,15 +24,15 @@ mod whitened;
 
 use trical_model::{Cell, Forward, Recording, Scope, Site, Term, Variable};
 
-use crate::adapted::{Refit, adapted};
+use crate::dataset::readings::averaged;
 use crate::dataset::{Dataset, JointSource};
 use crate::date;
 use crate::error::{IdentError, Result};
-use crate::fit::position_errors;
+use crate::fit::noise::Noise;
+use crate::fit::residuals::position_errors;
 use crate::model_file::ModelFile;
-use crate::noise::Noise;
-use crate::readings::averaged;
 use crate::rigid::mean;
+use crate::validate::adapted::{Refit, adapted};
 
 pub use result::{Change, Changed, Comparison, Visible, capital};
 pub use settings::FALSE_ALARMS;

@@ -1,14 +1,20 @@
 //! Recordings as observations: which joint angles are believed, which rows belong to one pose, which measuring frame a
 //! row was seen in.
 
+pub mod readings;
+pub mod references;
+pub mod repeated;
+pub mod sample;
+pub mod torque_load;
+
 use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 use trical_model::{Joints, Measured, Motion, Recording, Row, State, residual_rows};
 
+use crate::dataset::references::{References, Seen, move_by};
+use crate::dataset::repeated::{Fingerprint, refuse_repeated};
 use crate::error::{IdentError, Result};
-use crate::references::{References, Seen, move_by};
-use crate::repeated::{Fingerprint, refuse_repeated};
 use crate::rigid::mean;
 
 /// Which joint angles the model is to believe.

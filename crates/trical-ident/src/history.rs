@@ -4,15 +4,15 @@ use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use trical_model::{Cell, Forward, Recording, Scope};
 
-use crate::adapted::adapted;
 use crate::compare::{Comparison, compare};
 use crate::dataset::JointSource;
+use crate::dataset::repeated::refuse_repeated;
 use crate::date::{by_date, day_in};
 use crate::error::{IdentError, Result};
-use crate::fit::position_errors;
+use crate::fit::residuals::position_errors;
 use crate::model_file::ModelFile;
-use crate::repeated::refuse_repeated;
 use crate::rigid::mean;
+use crate::validate::adapted::adapted;
 
 /// Errors over sessions as a straight line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

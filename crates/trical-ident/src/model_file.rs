@@ -9,15 +9,15 @@ use trical_model::{
     Basis, Cell, Forward, Joints, Model, ModelError, Pose, Robot, Scope, Site, Support, Term, Variable,
 };
 
+use crate::dataset::references::References;
+use crate::dataset::repeated::Fingerprint;
 use crate::dataset::{Dataset, JointSource};
 use crate::date::newest;
-use crate::degenerate::little;
 use crate::error::{IdentError, Result};
-use crate::fit::orientation_errors;
-use crate::identifiability::plausibly_moved;
-use crate::identify::Identified;
-use crate::references::References;
-use crate::repeated::Fingerprint;
+use crate::fit::degenerate::little;
+use crate::fit::identifiability::plausibly_moved;
+use crate::fit::identify::Identified;
+use crate::fit::residuals::orientation_errors;
 use crate::units::{unit, unit_of_turning};
 
 /// A model as it is kept in a file.

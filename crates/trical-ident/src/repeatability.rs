@@ -3,6 +3,8 @@
 //! The formulas are those of ISO 9283 (pose repeatability, drift, variation by direction) as public analysers have them;
 //! its cycles, loads and speeds are not prescribed here, so no conformity is claimed.
 
+pub mod iso9283;
+
 use std::collections::BTreeMap;
 
 use nalgebra::Vector3;

@@ -4,19 +4,22 @@
 //! what belongs to that session (measuring frame, place of the balls, tool points) is identified there from some of its poses and the
 //! others are scored, or it is taken as the model has it.
 
+pub(crate) mod adapted;
+pub mod predicted;
+
 use trical_model::{Cell, Forward, Measured, Model, Recording, Robot, Support, Variable};
 
-use crate::adapted::{Adapted, LeftOut, Refit, adapted, own_terms, refitted};
-use crate::ball_places::{self, place_of, training_poses};
 use crate::dataset::{Dataset, JointSource, Observation, Rejected};
-use crate::degenerate::{hardly_moving, little};
 use crate::error::Result;
-use crate::fit::position_errors;
-use crate::identifiability::{Choice, OwnSetup, ParameterSet};
-use crate::identify::{ErrorSummary, identify};
+use crate::fit::ball_places::{self, place_of, training_poses};
+use crate::fit::degenerate::{hardly_moving, little};
+use crate::fit::identifiability::{Choice, OwnSetup, ParameterSet};
+use crate::fit::identify::{ErrorSummary, identify};
+use crate::fit::orientation::{AngleSummary, orientation};
+use crate::fit::residuals::position_errors;
 use crate::model_file::ModelFile;
-use crate::orientation::{AngleSummary, orientation};
-use crate::predicted::{Predicted, predicted};
+use crate::validate::adapted::{Adapted, LeftOut, Refit, adapted, own_terms, refitted};
+use crate::validate::predicted::{Predicted, predicted};
 
 /// Errors of one part of the data.
 #[derive(Clone, Debug, serde::Serialize)]
@@ -186,7 +189,7 @@ pub fn validate(
         model = refitted(model, &train, &places)?;
     }
     let forward = Forward::new(model, Vec::new())?;
-    crate::fit::check_observations(&forward, &scored)?;
+    crate::fit::residuals::check_observations(&forward, &scored)?;
     let after = position_errors(&forward, &scored);
     // the nominal arm of these recordings alone
     let plain = Dataset::build(recordings, joints, Some(&known))?

@@ -4,10 +4,10 @@
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use trical_ident::dense::Mat;
-use trical_ident::fit::{check_count, orientation_errors, position_errors, weighted_residuals};
-use trical_ident::gross::reject_gross_errors_beyond;
-use trical_ident::identifiability::observability;
-use trical_ident::solver::{LmParams, minimize};
+use trical_ident::fit::gross_errors::reject_gross_errors_beyond;
+use trical_ident::fit::identifiability::observability;
+use trical_ident::fit::levenberg_marquardt::{LmParams, minimize};
+use trical_ident::fit::residuals::{check_count, orientation_errors, position_errors, weighted_residuals};
 use trical_ident::{Dataset, JointSource, ModelFile, Noise, ParameterSet, Refit, cross_validate, validate};
 use trical_model::{Axis, Basis, Cell, Forward, Measured, Model, Motion, Recording, Robot, Row, Site, State, Term};
 
@@ -167,12 +167,12 @@ fn the_condition_is_right_for_nearly_dependent_columns_too() {
     for apart in [0.5_f64, 4e-3, 1e-3, 1e-7] {
         // two columns of length 1 at the angle `apart`: singular values sqrt(1 +- cos)
         let r = Mat::from_fn(2, 2, |i, j| [[1.0, apart.cos()], [0.0, apart.sin()]][i][j]);
-        let (_, s) = trical_ident::identifiability::spectrum(&r).unwrap();
+        let (_, s) = trical_ident::fit::identifiability::spectrum(&r).unwrap();
         let small = 2.0_f64.sqrt() * (0.5 * apart).sin();
         assert!((s[1] / small - 1.0).abs() < 1e-8, "{apart}: {s:?}, {small}");
         assert!((s[0] - 2.0_f64.sqrt() * (0.5 * apart).cos()).abs() < 1e-12);
     }
-    assert_eq!(trical_ident::identifiability::spectrum(&Mat::zeros(0, 0)), Some((vec![], vec![])));
+    assert_eq!(trical_ident::fit::identifiability::spectrum(&Mat::zeros(0, 0)), Some((vec![], vec![])));
 }
 
 #[test]
@@ -180,11 +180,11 @@ fn what_cannot_be_told_apart_is_named() {
     let names = ["a", "b", "c"].map(str::to_owned);
     // the second column is the first, but for a hair, and the third by itself
     let with = |hair: f64| Mat::from_fn(3, 3, |i, j| [[1.0, 2.0, 0.0], [0.0, 2.0 * hair, 0.0], [0.0, 0.0, 5.0]][i][j]);
-    let weakest = |hair| trical_ident::identifiability::weakest_direction(&with(hair), &names, 1e6);
+    let weakest = |hair| trical_ident::fit::identifiability::weakest_direction(&with(hair), &names, 1e6);
     assert_eq!(weakest(1e-8), Some(vec!["a".to_owned(), "b".to_owned()]));
     assert_eq!(weakest(1e-5), None);
     let none = Mat::from_fn(2, 2, |i, j| if i == 0 && j == 0 { 1.0 } else { 0.0 });
-    assert_eq!(trical_ident::identifiability::weakest_direction(&none, &names, 1e6), Some(vec!["b".to_owned()]));
+    assert_eq!(trical_ident::fit::identifiability::weakest_direction(&none, &names, 1e6), Some(vec!["b".to_owned()]));
 }
 
 #[test]
@@ -312,7 +312,7 @@ fn joints_that_hardly_move_are_told_where_that_held_something() {
     let said = |still: bool, names: &[&str]| {
         let mut rows = touch_rows(20, |_, rng| noise(rng));
         rows.iter_mut().filter(|_| still).for_each(|row| row.state.q[3] = 0.1);
-        trical_ident::caution::held(&model.robot, &dataset(rows), names)
+        trical_ident::fit::cautions::held(&model.robot, &dataset(rows), names)
     };
     assert!(said(true, &["a_3", "d_4"]).unwrap().starts_with("joint 4 hardly moves"));
     assert_eq!((said(true, &[]), said(false, &["a_3"]), said(false, &[])), (None, None, None));

@@ -14,7 +14,7 @@ use std::path::Path;
 use nalgebra::DMatrix;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use trical_ident::identifiability::independent_terms;
+use trical_ident::fit::identifiability::independent_terms;
 use trical_ident::{Choice, Dataset, JointSource, ParameterSet};
 use trical_model::{
     Axis, Basis, Cell, Forward, Measured, Model, Motion, Parameter, Pose, Recording, Robot, Row, Site, State, Term,
@@ -188,7 +188,7 @@ fn too_few_measurements_name_the_row_that_was_rejected_of_them() {
     let mut data = crate::arm::touches_of(9);
     let reason = "1.204 mm off, 31 times what is usual".to_owned();
     data.rejected.push(trical_ident::Rejected { recording: "new.csv".into(), line: 7, row: 6, reason });
-    let error = trical_ident::fit::check_count(&data, 32, &[]).unwrap_err().to_string();
+    let error = trical_ident::fit::residuals::check_count(&data, 32, &[]).unwrap_err().to_string();
     let said = "9 measurements give 27 numbers (1 row rejected, line 7: 1.204 mm off, 31 times what is usual), but 32";
     assert!(error.starts_with(said), "{error}");
 }

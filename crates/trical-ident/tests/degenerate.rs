@@ -203,7 +203,7 @@ fn points_of_which_nobody_says_the_target_are_told_where_the_cell_has_several() 
     several.tool.targets.push(several.tool.tcp + nalgebra::Vector3::new(0.05, 0.0, 0.02));
     let said = |cell: &Cell, recording: Recording| {
         let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
-        trical_ident::caution::which_target(&data, cell.tool.targets.len())
+        trical_ident::fit::cautions::which_target(&data, cell.tool.targets.len())
     };
     let one = points(30, varied);
     assert_eq!(said(&cell(), one.clone()), None);

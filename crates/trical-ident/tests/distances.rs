@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64Mcg;
-use trical_ident::trilateration::{Length, trilaterate};
+use trical_ident::fit::trilateration::{Length, trilaterate};
 use trical_ident::{Dataset, ErrorSummary, JointSource, ParameterSet, identify, parse_csv};
 use trical_model::pose::{quaternion_from_rotation, rotation_zyx};
 use trical_model::{Cell, Forward, Measured, Model, Pose, Recording, Robot, Row, State};
@@ -118,7 +118,7 @@ fn an_arm_is_identified_from_lengths_whatever_the_cell_says() {
         // and on lengths that it has not seen
         let other = Dataset::build(&[lengths(&truth, 200, 0.0, 5)], JointSource::Read, None).unwrap();
         let forward = Forward::new(found.model, Vec::new()).unwrap();
-        let e = ErrorSummary::of(&trical_ident::fit::position_errors(&forward, &other));
+        let e = ErrorSummary::of(&trical_ident::fit::residuals::position_errors(&forward, &other));
         assert!(e.rms_mm < 0.01, "{anchors} anchors: {e:?}");
         let nominal = identify(&robot(), &guess(anchors), &data, ParameterSet::Nominal).unwrap();
         assert!(ErrorSummary::of(&nominal.errors().unwrap()).rms_mm > 0.3);
@@ -226,7 +226,7 @@ fn a_scara_is_identified_from_full_poses_and_predicts_poses_that_it_has_not_seen
     assert!(found.model.terms.iter().filter(|t| t.effect != "compliance").count() == 4 * 3 + 2 + 6);
     let other = Dataset::build(&[record(50, 9)], JointSource::Read, None).unwrap();
     let forward = Forward::new(found.model, Vec::new()).unwrap();
-    let worst = trical_ident::fit::position_errors(&forward, &other).into_iter().fold(0.0, f64::max);
+    let worst = trical_ident::fit::residuals::position_errors(&forward, &other).into_iter().fold(0.0, f64::max);
     assert!(worst < 1e-9, "{worst}");
 }
 

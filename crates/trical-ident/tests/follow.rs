@@ -4,7 +4,7 @@ use crate::arm::{nominal, touch, truth};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use trical_ident::calibration::{Options, calibrate};
-use trical_ident::follow::refuse_stuck_stems;
+use trical_ident::fit::stuck_stems::refuse_stuck_stems;
 use trical_ident::{Dataset, JointSource, ParameterSet};
 use trical_model::ik::continue_from;
 use trical_model::touch::reading_at;

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use crate::arm::{build, nominal, paper_terms, touch, truth};
-use trical_ident::identify::fit_model_knowing;
-use trical_ident::known::Known;
+use trical_ident::fit::identify::fit_model_knowing;
+use trical_ident::fit::priors::PriorKnowledge;
 use trical_ident::{
     Choice, JointSource, ModelFile, Noise, Options, ParameterSet, calibrate, clean, identify, load_csv,
     reject_gross_errors, write_csv,
@@ -188,7 +188,8 @@ fn a_model_file_predicts_what_the_model_did() {
     let again = ModelFile::parse(&file.to_toml().unwrap(), "m.toml").unwrap();
     assert_eq!(again.sessions, file.sessions);
     assert_eq!(again.session_of(&data.fingerprints[0]), Some(1));
-    let errors = |m: &Model| trical_ident::fit::position_errors(&Forward::new(m.clone(), Vec::new()).unwrap(), &data);
+    let errors =
+        |m: &Model| trical_ident::fit::residuals::position_errors(&Forward::new(m.clone(), Vec::new()).unwrap(), &data);
     for (a, b) in errors(&found.model).iter().zip(errors(&again.model)) {
         assert!((a - b).abs() < 1e-12);
     }
@@ -263,10 +264,10 @@ fn a_fit_of_many_coefficients_ends_at_one_minimum_from_anywhere() {
     }
     let data = build(touch(&truth, 300, 1e-5, 10));
     let of = |t: &Term| match t.basis.shape {
-        Shape::Sine { cycles } | Shape::Cosine { cycles } => Known::about_zero(size(cycles)),
-        _ => Known::NOTHING,
+        Shape::Sine { cycles } | Shape::Cosine { cycles } => PriorKnowledge::about_zero(size(cycles)),
+        _ => PriorKnowledge::NOTHING,
     };
-    let known: Vec<Known> = truth.terms.iter().map(of).collect();
+    let known: Vec<PriorKnowledge> = truth.terms.iter().map(of).collect();
     let from = |factor: f64| {
         let mut model = truth.clone();
         model.terms.iter_mut().for_each(|t| t.value *= factor);

@@ -1,6 +1,6 @@
 //! Readings that are not what their columns say.
 
-use trical_ident::read_otherwise::read_otherwise;
+use trical_ident::fit::read_otherwise::read_otherwise;
 use trical_ident::{Choice, Dataset, JointSource, ParameterSet, identify};
 use trical_model::{Basis, Forward, Measured, Model, Pose, Shape, Site, Term, Variable};
 

@@ -1,6 +1,6 @@
 //! Simulated recordings agree with the model that they came from, and scatter as they were told to.
 
-use trical_ident::fit::position_errors;
+use trical_ident::fit::residuals::position_errors;
 use trical_ident::{Aim, Dataset, JointSource, Scatter, simulate};
 use trical_model::{Cell, Forward, MAX_JOINTS, Measured, Model, Pose, Robot, State};
 

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use rand::{RngExt, SeedableRng};
 use rand_distr::Distribution;
 use rand_pcg::Pcg64Mcg;
-use trical_ident::identifiability::independent_terms;
+use trical_ident::fit::identifiability::independent_terms;
 use trical_ident::{
     Choice, CsvStream, Dataset, ErrorSummary, JointSource, Options, ParameterSet, Streamed, calibrate_stream, identify,
     identify_stream, load_csv, reject_gross_errors,

@@ -317,18 +317,18 @@ impl Chain {
     fn run_from(&self, base: &Pose, q: &Joints, increments: Option<&Increments<'_>>, frames: &mut Frames) {
         frames.base_axes = Axes::of(base);
         frames.base_origin = base.translation;
-        frames.flange = self.walk(base, q, increments, Some(&mut frames.joints));
+        frames.flange = self.along(base, q, increments, Some(&mut frames.joints));
     }
 
     /// The flange alone at joint values `q`, the constant terms included.
     #[inline]
     pub fn flange(&self, q: &Joints) -> Place {
-        self.walk(&self.base, q, None, None)
+        self.along(&self.base, q, None, None)
     }
 
     /// From the base to the flange, which it returns; the frames of each joint are left in `joints`, where they are asked for.
     #[inline(always)]
-    fn walk(
+    fn along(
         &self,
         base: &Pose,
         q: &Joints,

@@ -119,7 +119,7 @@ impl Job<'_> {
         if self.out.is_none() {
             return Ok(report);
         }
-        left(&self.program.display().to_string(), &report, self.partial, options.spelling)?;
+        refuse_left_out(&self.program.display().to_string(), &report, self.partial, options.spelling)?;
         for mut writer in writers {
             writer.flush()?;
             writer.get_ref().sync_all()?;
@@ -463,7 +463,7 @@ fn beside(out: &Path, input: &Path) -> PathBuf {
 ///
 /// # Errors
 /// [`ProgramError::Left`].
-pub fn left(name: &str, report: &Report, partial: bool, spelling: Spelling) -> Result<(), ProgramError> {
+pub fn refuse_left_out(name: &str, report: &Report, partial: bool, spelling: Spelling) -> Result<(), ProgramError> {
     let n = report.problems.len();
     if n == 0 || (partial && report.rewritten > 0) {
         return Ok(());

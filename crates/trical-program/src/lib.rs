@@ -62,7 +62,7 @@ pub mod text;
 
 pub use dialects::{Dialect, MARK};
 pub use error::ProgramError;
-pub use file::{Job, declared_frames, left, load_frames};
+pub use file::{Job, declared_frames, load_frames, refuse_left_out};
 pub use frames::{Frame, Frames};
 pub use options::{Options, Spelling};
 pub use report::{Problem, Report, TargetRow};

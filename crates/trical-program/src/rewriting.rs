@@ -252,7 +252,7 @@ impl<'a, 'b> Writer<'a, 'b> {
         let mut ws = all.workspaces();
         for one in shifted {
             let Some((wanted, commanded)) = self.moved.get(&one.spot) else { continue };
-            self.tally.relative(one.at, all.left(one, wanted, commanded, &mut ws));
+            self.tally.relative(one.at, all.remaining_errors(one, wanted, commanded, &mut ws));
         }
         Ok(self.tally)
     }

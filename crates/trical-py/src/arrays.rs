@@ -91,7 +91,7 @@ impl Column {
 }
 
 /// What is known of each of n poses.
-pub struct Known {
+pub struct States {
     q: Table,
     directions: Option<Table>,
     time: Option<Column>,
@@ -114,7 +114,7 @@ pub struct Beside<'a, 'py> {
     pub payload: Option<&'a Bound<'py, PyAny>>,
 }
 
-impl Known {
+impl States {
     /// Joint values (n, joints) or (joints,) of an arm, and what is known beside them.
     pub fn new(q: &Bound<'_, PyAny>, joints: usize, beside: &Beside<'_, '_>) -> PyResult<Self> {
         let q = Table::new(q, "q", joints)?;
@@ -178,7 +178,7 @@ impl Known {
 
 /// Joint values (joints,) of an arm, or the first of several.
 pub fn one_pose(q: &Bound<'_, PyAny>, robot: &Robot) -> PyResult<Joints> {
-    Ok(Known::new(q, robot.dof(), &Beside::default())?.at(0).q)
+    Ok(States::new(q, robot.dof(), &Beside::default())?.at(0).q)
 }
 
 /// Position (3,) m and rotation (3, 3).

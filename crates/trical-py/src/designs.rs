@@ -8,17 +8,17 @@ use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::{Value, json};
-use trical_ident::identifiability::{independent_terms, observability, r_factor};
+use trical_ident::fit::identifiability::{independent_terms, observability, r_factor};
 use trical_ident::{Aim, Choice, Dataset, JointSource, Noise, Scatter, model_of_touches, shown, simulate, usual_set};
 use trical_model::{Forward, Joints, MAX_JOINTS, Measured, Model, Pose, Robot, State};
 use trical_plan::{
     CollisionModel, Criterion, Facing, PlanEntry, PlanOptions, Sphere, ValidationOptions, plan_touches,
     poses_in_sphere, poses_in_workspace, usual_start, write_plan,
 };
-use trical_report::plan_told::Told;
+use trical_report::plan_summary::PlanSummary;
 
 use crate::arguments::{keywords, parameter_set, source};
-use crate::arrays::{Beside, Column, Known, joints_array, one_pose};
+use crate::arrays::{Beside, Column, States, joints_array, one_pose};
 use crate::errors::{Result, bad};
 use crate::interruptible::interruptible;
 use crate::machine::{Machine, read};
@@ -116,14 +116,14 @@ pub fn _plan<'py>(
         start: Some(start),
         ..PlanOptions::default()
     };
-    let told = interruptible(py, progress, |task| -> Result<Told> {
+    let summary = interruptible(py, progress, |task| -> Result<PlanSummary> {
         let plan = plan_touches(&robot, &cell, &options, task)?;
         task.step(1.0, "what it would show")?;
-        Ok(Told::new(&model, plan, options)?)
+        Ok(PlanSummary::new(&model, plan, options)?)
     })?;
-    let arrays = touches(py, &robot, &told.plan.entries);
-    let said = told.json().to_string();
-    Ok((arrays, said, PyOutcome(Outcome::Planned(Box::new((robot, cell, told))))))
+    let arrays = touches(py, &robot, &summary.plan.entries);
+    let said = summary.json().to_string();
+    Ok((arrays, said, PyOutcome(Outcome::Planned(Box::new((robot, cell, summary))))))
 }
 
 /// Keywords of `trical.poses`.
@@ -217,7 +217,7 @@ pub fn _simulate(
         temperature: temperature.as_ref(),
         payload: payload.as_ref(),
     };
-    let states = Known::new(q, model.robot.dof(), &beside)?;
+    let states = States::new(q, model.robot.dof(), &beside)?;
     let n = states.len();
     let numbers = number.map(|b| counted(b, kind, n)).transpose()?.unwrap_or_else(|| vec![0; n]);
     for (name, x) in [("noise", noise), ("angle_noise", angle_noise), ("stop_within", stop_within.unwrap_or(0.0))] {
@@ -257,7 +257,7 @@ pub fn _observability(
         model.terms = terms;
         let free = (0..model.terms.len()).collect();
         let forward = Forward::new(model.clone(), free)?;
-        trical_ident::fit::check_observations(&forward, &data)?;
+        trical_ident::fit::residuals::check_observations(&forward, &data)?;
         let weights = Noise::usual(data.names.len());
         let (indices, covariance) = observability(&r_factor(&forward, &data, &weights, &[]), data.scalars());
         let p = model.terms.len();

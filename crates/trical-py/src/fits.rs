@@ -9,7 +9,7 @@ use pyo3::types::PyDict;
 use serde_json::Value;
 use trical_diagnose::effects::EFFECTS;
 use trical_diagnose::{Diagnosis, EffectId, diagnose_recordings, verdict};
-use trical_ident::fit::position_errors;
+use trical_ident::fit::residuals::position_errors;
 use trical_ident::{
     Calibration, Choice, KnownParameters, ModelFile, Options, Refit, ToolSharing, calibrate, calibrate_stream, history,
     repeatability, validate,
@@ -18,7 +18,7 @@ use trical_model::{Cell, Forward, Robot, Task};
 use trical_plan::Next;
 use trical_recording::{CsvStream, RecordError, open_large};
 use trical_report::deciding::{self, plan_next};
-use trical_report::verdict_told;
+use trical_report::verdict_summary;
 
 use crate::arguments::{keywords, parameter_set, source};
 use crate::designs::{Touches, touches};
@@ -183,7 +183,7 @@ pub fn _diagnose<'py>(
     let (file, text, errors, planned, told) = interruptible(py, progress, |task| -> Result<_> {
         let recordings = read_all(&recordings, &robot)?;
         let (found, source) = diagnose_recordings(&robot, &cell, &recordings, &options, task)?;
-        let value = verdict_told::answer(&found, source)?;
+        let value = verdict_summary::json(&found, source)?;
         let errors =
             |model| -> Result<Vec<f64>> { Ok(position_errors(&Forward::new(model, Vec::new())?, &found.data)) };
         let pairs = pairs_mm(&errors(found.before.clone())?, &errors(found.model.clone())?);

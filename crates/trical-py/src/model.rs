@@ -13,7 +13,7 @@ use trical_report::error_map::Miss;
 use trical_report::{ErrorMap, Export};
 
 use crate::arguments::path_of;
-use crate::arrays::{Beside, Known, Table, floats, joints_array, rows_or_one};
+use crate::arrays::{Beside, States, Table, floats, joints_array, rows_or_one};
 use crate::errors::{Failed, Result, bad, write};
 use crate::interruptible::interruptible;
 use crate::machine::{CellArgument, PyCell, PyRobot, RobotArgument, kinds, limits};
@@ -45,7 +45,7 @@ impl PyModel {
     fn poses<'py>(
         &self,
         py: Python<'py>,
-        states: &Known,
+        states: &States,
         pose: fn(&Forward, &State, &mut Workspace) -> Pose,
     ) -> Poses<'py> {
         let (p, r) = py.detach(|| {
@@ -225,7 +225,7 @@ impl PyModel {
         seq: Option<&Bound<'py, PyAny>>,
         payload: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Poses<'py>> {
-        let known = Known::new(q, self.dof_(), &Beside { directions, time, seq, temperature, payload })?;
+        let known = States::new(q, self.dof_(), &Beside { directions, time, seq, temperature, payload })?;
         Ok(self.poses(py, &known, Forward::world_from_tool))
     }
 
@@ -257,7 +257,7 @@ impl PyModel {
         seq: Option<&Bound<'py, PyAny>>,
         payload: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Poses<'py>> {
-        let known = Known::new(q, self.dof_(), &Beside { directions, time, seq, temperature, payload })?;
+        let known = States::new(q, self.dof_(), &Beside { directions, time, seq, temperature, payload })?;
         Ok(self.poses(py, &known, Forward::world_from_flange))
     }
 
@@ -265,7 +265,7 @@ impl PyModel {
     /// for joint values q (n, joints) in rad (m); (6, joints) for q of shape (joints,).
     fn jacobian<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         let n = self.dof_();
-        let states = Known::new(q, n, &Beside::default())?;
+        let states = States::new(q, n, &Beside::default())?;
         let all = py.detach(|| {
             let mut ws = self.forward.workspace();
             let mut all = Array3::zeros((states.len(), 6, n));
@@ -294,7 +294,7 @@ impl PyModel {
         payload: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let n = self.dof_();
-        let states = Known::new(q, n, &Beside { payload, ..Beside::default() })?;
+        let states = States::new(q, n, &Beside { payload, ..Beside::default() })?;
         let all = py.detach(|| self.torques(&states))?;
         Ok(rows_or_one(py, all, states.single()))
     }
@@ -335,7 +335,7 @@ impl PyModel {
             Array2::from_shape_fn((rows.nrows(), n), |(k, j)| seed.rows[(if seed.single { 0 } else { k }, j)])
                 .into_pyarray(py)
                 .into_any();
-        let states = Known::new(&all_seeds, n, &Beside { directions, time, seq, temperature, payload })?;
+        let states = States::new(&all_seeds, n, &Beside { directions, time, seq, temperature, payload })?;
         let all = py.detach(|| -> Result<Vec<Joints>> {
             let mut ws = self.forward.workspace();
             (0..states.len())
@@ -360,7 +360,7 @@ impl PyModel {
 }
 
 impl PyModel {
-    fn torques(&self, states: &Known) -> Result<Array2<f64>> {
+    fn torques(&self, states: &States) -> Result<Array2<f64>> {
         let n = self.dof_().min(MAX_JOINTS);
         let mut ws = self.forward.workspace();
         let mut all = Array2::zeros((states.len(), n));

@@ -10,7 +10,7 @@ use trical_ident::{Calibration, JointSource, ModelFile, Validation};
 use trical_model::{Cell, Robot};
 use trical_recording::output;
 use trical_report::study::Study;
-use trical_report::{Made, certificate, diagnosis_report, identify_report, plan_report, plan_told, validate_report};
+use trical_report::{Made, certificate, diagnosis_report, identify_report, plan_report, plan_summary, validate_report};
 
 use crate::errors::{Result, bad, check, write};
 use crate::interruptible::interruptible;
@@ -24,7 +24,7 @@ pub enum Outcome {
     /// By `diagnose`.
     Diagnosed(Box<(Diagnosis, JointSource)>),
     /// By `plan`.
-    Planned(Box<(Robot, Cell, plan_told::Told)>),
+    Planned(Box<(Robot, Cell, plan_summary::PlanSummary)>),
     /// By a study.
     Studied(Box<Study>),
 }

@@ -62,7 +62,7 @@ struct PlatformKeywords {
 /// What its report is made of; table, CSV, SVG, verdict, notes, JSON text.
 type Answer = (PyOutcome, Vec<Vec<String>>, String, String, String, Vec<String>, String);
 
-fn answer(study: Study) -> Answer {
+fn for_python(study: Study) -> Answer {
     let Study { table, csv, svg, verdict, notes, json, .. } = &study;
     let (table, csv, svg) = (table.clone(), csv.clone(), svg.clone());
     let (verdict, notes, json) = (verdict.clone(), notes.clone(), json.to_string());
@@ -80,7 +80,7 @@ pub fn _study_touches(
 ) -> Result<Answer> {
     let common = keywords::<CommonKeywords>(given)?.read()?;
     let (robot, cell) = read(&machine)?;
-    Ok(answer(interruptible(py, progress, |task| touches(&robot, &cell, &common, &per_ball, task))?))
+    Ok(for_python(interruptible(py, progress, |task| touches(&robot, &cell, &common, &per_ball, task))?))
 }
 
 /// Platforms of balls compared.
@@ -95,5 +95,5 @@ pub fn _study_platforms(
     let PlatformKeywords { touches, balls, side_mm, height_mm, raise_mm } = keywords(given)?;
     let (robot, cell) = read(&machine)?;
     let asked = Platforms { touches, balls, side_mm, height_mm, raise_mm };
-    Ok(answer(interruptible(py, progress, |task| platforms(&robot, &cell, &common, &asked, task))?))
+    Ok(for_python(interruptible(py, progress, |task| platforms(&robot, &cell, &common, &asked, task))?))
 }

@@ -2,7 +2,7 @@
 
 use minijinja::context;
 use sha2::{Digest, Sha256};
-use trical_ident::iso9283::{LIMITS_MM, OverPoses, Performance, performance, visited};
+use trical_ident::repeatability::iso9283::{LIMITS_MM, OverPoses, Performance, performance, visited};
 use trical_ident::{Calibration, Dataset, JointSource, ModelFile, Observation, Validation};
 use trical_model::Model;
 

@@ -4,8 +4,8 @@
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use trical_diagnose::effect_id::UNEXPLAINED;
 use trical_diagnose::{Coefficient, Diagnosis, Finding, Rival, RowKind, Unexplained, VerdictRow, verdict};
-use trical_ident::caution::listed;
 use trical_ident::dataset::Dataset;
+use trical_ident::fit::cautions::listed;
 use trical_ident::model_file::Uncertainty;
 use trical_ident::{ErrorSummary, JointSource, Noise};
 use trical_model::{Basis, Forward, JointKind, Measured, Model, Place, Robot, Shape, Site, State, Term, Variable};
@@ -17,7 +17,7 @@ use crate::finding_figures;
 use crate::page::{self, Figure, Made, Section, error_table};
 use crate::plots::{self, AFTER, BEFORE, Series};
 use crate::table;
-use crate::verdict_told;
+use crate::verdict_summary;
 
 /// Findings that are told one by one, with figures; those that take less of the error are in one table.
 const SHOWN: usize = 12;
@@ -391,17 +391,17 @@ pub fn finding_section(number_of: usize, f: &Finding, d: &Diagnosis) -> Result<S
 
 /// The verdict as a table: error before and after each claim, the claim, how sure it is, what to do.
 fn verdict_table(d: &Diagnosis) -> Vec<Vec<String>> {
-    let (told, decimals) = verdict_told::told(d, d.verdict.rows.clone());
+    let (told, decimals) = verdict_summary::rows_with_decimals(d, d.verdict.rows.clone());
     let mut rows = vec![row(["claim", "probability", "error before, mm", "after, mm", "what to do"])];
     rows.extend(told.iter().map(|r| {
         let begins = !matches!(r.kind, RowKind::Plain | RowKind::Whole | RowKind::Unexplained);
         let number = |x: f64, shown: bool| if shown { format!("{x:.decimals$}") } else { String::new() };
         vec![
-            verdict_told::claim(r, None),
+            verdict_summary::claim(r, None),
             r.probability().unwrap_or_default(),
-            number(r.before_mm, begins && verdict_told::changes(r, decimals)),
+            number(r.before_mm, begins && verdict_summary::changes(r, decimals)),
             number(r.after_mm, r.kind != RowKind::Unexplained),
-            verdict_told::advice(r),
+            verdict_summary::advice(r),
         ]
     }));
     rows
@@ -410,18 +410,18 @@ fn verdict_table(d: &Diagnosis) -> Vec<Vec<String>> {
 /// What a report begins with: the verdict as a table, cautions, notes.
 pub fn verdict_section(d: &Diagnosis) -> Section {
     let mut section = Section::new("Verdict")
-        .with_text(verdict_told::no_arm(d).iter().map(|c| format!("Caution: {c}")).chain([format!(
+        .with_text(verdict_summary::no_arm(d).iter().map(|c| format!("Caution: {c}")).chain([format!(
             "Errors are at poses that the fit did not see{}, root mean square. The error before \
                  each row is the error after the row above it.",
-            verdict_told::same_balls(d)
+            verdict_summary::same_balls(d)
         )]))
         .with_tables([verdict_table(d)]);
-    section.after.extend(verdict_told::elsewhere(d).map(|e| format!("The whole model errs more {e}.")));
+    section.after.extend(verdict_summary::elsewhere(d).map(|e| format!("The whole model errs more {e}.")));
     // the headline says that no cause is sure
-    let said = verdict_told::none_sure(d).map(table::ended);
-    let cautions = verdict_told::cautions(d).into_iter().filter(|c| said.as_ref() != Some(c));
+    let said = verdict_summary::none_sure(d).map(table::ended);
+    let cautions = verdict_summary::cautions(d).into_iter().filter(|c| said.as_ref() != Some(c));
     section.after.extend(cautions.map(|c| format!("Caution: {c}")));
-    section.after.extend(verdict_told::notes(d).iter().map(|n| format!("Note: {n}")));
+    section.after.extend(verdict_summary::notes(d).iter().map(|n| format!("Note: {n}")));
     section
 }
 
@@ -441,7 +441,7 @@ fn chained(start: f64, mut steps: Vec<(String, f64, f64)>) -> Vec<(String, f64)>
 /// Findings in a row each, with the evidence, from the one with this number on.
 fn findings_table(d: &Diagnosis, first: usize, findings: &[Finding]) -> Vec<Vec<String>> {
     let mut rows = vec![row(["finding", "probability", "lambda", "error before, mm", "after, mm", "could also be"])];
-    let decimals = verdict_told::decimals(d);
+    let decimals = verdict_summary::decimals(d);
     for (k, f) in findings.iter().enumerate() {
         let [before, after] = [f.evidence.holdout_rms_before_mm, f.evidence.holdout_rms_after_mm];
         let [before, after] = [before, after].map(|mm| format!("{mm:.decimals$}"));
@@ -473,7 +473,7 @@ fn smaller_findings(d: &Diagnosis) -> Option<Section> {
 
 /// Findings with the evidence, the largest in a row each, and where they are on the arm.
 fn all_findings(d: &Diagnosis) -> Result<Section> {
-    let decimals = verdict_told::decimals(d);
+    let decimals = verdict_summary::decimals(d);
     let largest = d.findings.get(..SHOWN).unwrap_or(&d.findings);
     let heading = if largest.len() < d.findings.len() { "The largest findings" } else { "All findings" };
     let mut section = Section::new(heading).with_tables([findings_table(d, 1, largest)]);
@@ -543,7 +543,7 @@ fn by_sense(u: &Unexplained, robot: &Robot) -> String {
 
 /// The curves without a name that take most of the error, each with its picture.
 fn nameless(d: &Diagnosis) -> Result<Vec<Section>> {
-    let decimals = verdict_told::decimals(d);
+    let decimals = verdict_summary::decimals(d);
     let taken = |u: &Unexplained| u.holdout_rms_after_mm.powi(2) - u.holdout_rms_before_mm.powi(2);
     let mut all: Vec<&Unexplained> = d.unexplained.iter().chain(&d.more_unexplained).collect();
     all.sort_by(|a, b| taken(a).total_cmp(&taken(b)));
@@ -596,10 +596,10 @@ fn nothing(d: &Diagnosis) -> bool {
 
 /// The first two claims, what to do first, and how far the error falls; or that nothing was found.
 fn summary(d: &Diagnosis) -> String {
-    let decimals = verdict_told::decimals(d);
+    let decimals = verdict_summary::decimals(d);
     let errors = [d.baseline.holdout_rms_mm, d.after.holdout_rms_mm];
     if nothing(d) {
-        let not_shown = verdict_told::not_shown(d).map_or_else(String::new, |said| format!(" {said}."));
+        let not_shown = verdict_summary::not_shown(d).map_or_else(String::new, |said| format!(" {said}."));
         return format!(
             "Nothing found. The plain model ({} parameters) predicts new poses to {:.decimals$} mm rms; no known effect shows in what \
              is left.{not_shown}",
@@ -610,17 +610,17 @@ fn summary(d: &Diagnosis) -> String {
     let told: Vec<&VerdictRow> =
         claims.iter().filter(|r| matches!(r.kind, RowKind::Finding | RowKind::Curves)).collect();
     // where no cause is sure, that is what to do something about first
-    let none_sure = verdict_told::none_sure(d);
-    let first = told.iter().position(|r| none_sure.is_none() && verdict_told::to_do(r).is_some());
+    let none_sure = verdict_summary::none_sure(d);
+    let first = told.iter().position(|r| none_sure.is_none() && verdict_summary::to_do(r).is_some());
     let mut said = Vec::new();
     for (k, row) in told.iter().enumerate() {
-        said.push(format!("{}.", verdict_told::sentence(row)));
-        said.extend(verdict_told::to_do(row).filter(|_| first == Some(k)));
+        said.push(format!("{}.", verdict_summary::sentence(row)));
+        said.extend(verdict_summary::to_do(row).filter(|_| first == Some(k)));
     }
     said.extend(none_sure.map(|c| format!("{}.", verdict::capital(c))));
     let curves = d.unexplained.iter().chain(&d.more_unexplained).any(|u| u.modelled);
-    said.push(whole(&modelled(&told, d.findings.len(), curves), verdict_told::same_balls(d), errors, decimals));
-    said.extend(verdict_told::elsewhere(d).map(|e| format!("But it errs more {e}.")));
+    said.push(whole(&modelled(&told, d.findings.len(), curves), verdict_summary::same_balls(d), errors, decimals));
+    said.extend(verdict_summary::elsewhere(d).map(|e| format!("But it errs more {e}.")));
     said.join(" ")
 }
 

@@ -10,12 +10,12 @@ use trical_model::{Forward, Joint, Joints, MAX_JOINTS, Measured, Model, Robot, T
 use trical_plan::{CollisionModel, PlanEntry};
 
 use crate::error::Result;
-use crate::heat;
+use crate::heat_map;
 use crate::page::{Figure, Section};
 use crate::picture::{self, Mark, Scene, View};
 use crate::plots::{self, AFTER, BEFORE, Series, span};
 use crate::table;
-use crate::turn;
+use crate::turning_scene;
 
 /// So many marks and arms in the picture of the cell.
 const MARKS: usize = 250;
@@ -217,9 +217,9 @@ impl Errors<'_> {
                 .with_text(["The model was tested only between the lowest and the highest angle of each joint \
                  below; beyond them it extrapolates."])
                 .with_tables([coverage(&self.model.robot, &poses)])
-                .with_figures([Figure::new(caption, turn::draw_turning(&scene, 900.0)?)]),
+                .with_figures([Figure::new(caption, turning_scene::draw_turning(&scene, 900.0)?)]),
             other_views(&scene).folded(true),
-            heat::section(self.model)?,
+            heat_map::section(self.model)?,
         ])
     }
 }

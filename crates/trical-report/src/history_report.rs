@@ -59,7 +59,7 @@ pub fn render(h: &History, file: &ModelFile, made: Made) -> Result<String> {
             }])
             .with_figures(figures),
     );
-    let told = told(h);
+    let told = summary_lines(h);
     if !told.is_empty() {
         sections.insert(1, Section { list: told, ..Section::new("What changed, and what was rejected") });
     }
@@ -87,7 +87,7 @@ pub fn what_changed(session: &Comparison) -> String {
 /// A line for each session of which there is more to say than the table does: what changed, and which rows were
 /// rejected; at the end, and once, what the calibration left that may look like a change.
 #[must_use]
-pub fn told(h: &History) -> Vec<String> {
+pub fn summary_lines(h: &History) -> Vec<String> {
     let line = |s: &Comparison| {
         let rejected = rejected_in_words(&s.rejected).map(|r| format!("{r}."));
         let more =
@@ -202,7 +202,10 @@ mod tests {
         };
         let sessions = vec![doubted("a.csv"), doubted("b.csv")];
         let h = History { learnt: Vec::new(), sessions, days: None, trend: None, due: String::new() };
-        assert_eq!(told(&h), ["a.csv: Joint 3 changed, 97 % sure.", "b.csv: Joint 3 changed, 97 % sure.", doubt]);
+        assert_eq!(
+            summary_lines(&h),
+            ["a.csv: Joint 3 changed, 97 % sure.", "b.csv: Joint 3 changed, 97 % sure.", doubt]
+        );
     }
 
     #[test]

@@ -11,8 +11,8 @@
 //! | [`evidence`] | what reports of fits share: errors one by one, where it was measured, rejected rows, parameters |
 //! | [`finding_figures`], [`arm_map`] | the curve or the spectrum of a finding; where on the arm they are |
 //! | [`plots`], [`heat`], [`picture`], [`turn`], [`outline`] | figures as SVG; maps; the cell with arm, poses and marks |
-//! | [`verdict_told`], [`effect_names`] | a diagnosis in a few lines; which effect someone means |
-//! | [`plan_told`], [`blindness`], [`deciding`] | a plan in words and JSON; what it would not show; touches that decide |
+//! | [`verdict_summary`], [`effect_names`] | a diagnosis in a few lines; which effect someone means |
+//! | [`plan_summary`], [`detectability`], [`deciding`] | a plan in words and JSON; what it would not show; touches that decide |
 //! | [`error_map`], [`export`] | how far an arm misses all over its workspace; the calibrated arm for other programs |
 //! | [`study`], [`places`] | whole calibrations by simulation; what places of sockets are worth |
 //! | [`table`] | tables and paragraphs for a terminal |
@@ -20,9 +20,9 @@
 #![allow(clippy::disallowed_methods, reason = "what is drawn and told needs no more digits than anybody sees")]
 
 pub mod arm_map;
-pub mod blindness;
 pub mod certificate;
 pub mod deciding;
+pub mod detectability;
 pub mod diagnosis_report;
 pub mod effect_names;
 pub mod error;
@@ -30,7 +30,7 @@ pub mod error_map;
 pub mod evidence;
 pub mod export;
 pub mod finding_figures;
-pub mod heat;
+pub mod heat_map;
 pub mod history_report;
 pub mod identify_report;
 pub mod outline;
@@ -38,15 +38,15 @@ pub mod page;
 pub mod picture;
 pub mod places;
 pub mod plan_report;
-pub mod plan_told;
+pub mod plan_summary;
 pub mod plots;
 pub mod study;
 pub mod table;
 #[cfg(test)]
 mod test_data;
-pub mod turn;
+pub mod turning_scene;
 pub mod validate_report;
-pub mod verdict_told;
+pub mod verdict_summary;
 
 pub use error::{Error, Result};
 pub use error_map::ErrorMap;

@@ -7,10 +7,10 @@ use minijinja::{Environment, HtmlEscape, Value, context};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use trical_ident::ErrorSummary;
-use trical_ident::caution::listed;
+use trical_ident::fit::cautions::listed;
 
 use crate::error::{Error, Result};
-use crate::{plots, turn};
+use crate::{plots, turning_scene};
 
 /// A figure.
 #[derive(Serialize)]
@@ -153,7 +153,7 @@ const NAMED: usize = 2;
 pub fn render(title: &str, verdict: &str, sections: &[Section], made: &Made) -> Result<String> {
     // the library is carried by those who have something to draw with it
     let live = sections.iter().flat_map(|s| &s.figures).any(|f| f.svg.contains(plots::LIVE));
-    let turning = sections.iter().flat_map(|s| &s.figures).any(|f| f.svg.contains(turn::OPEN));
+    let turning = sections.iter().flat_map(|s| &s.figures).any(|f| f.svg.contains(turning_scene::OPEN));
     let (sections, made) = (Serde(sections), Serde(made));
     let uplot_css = if live { include_str!("../assets/uPlot.min.css") } else { "" };
     let (uplot_js, report_js) = (include_str!("../assets/uPlot.iife.min.js"), include_str!("../assets/report.js"));
@@ -166,7 +166,7 @@ pub fn render(title: &str, verdict: &str, sections: &[Section], made: &Made) -> 
 /// A page (a "report") from its template, in which the filter `told` is for what a person reads.
 pub fn from_template(what: &str, template: &str, values: Value) -> Result<String> {
     let mut env = Environment::new();
-    env.add_filter("told", |text: String| Value::from_safe_string(told(&text)));
+    env.add_filter("told", |text: String| Value::from_safe_string(as_html(&text)));
     env.add_filter("command", |text: String| Value::from_safe_string(command(&text)));
     // the name ends in .html, so that text is escaped
     env.render_named_str(&format!("{what}.html"), template, values)
@@ -181,7 +181,7 @@ const COUNTED: [&str; 9] = ["joint", "joints", "ball", "line", "row", "axis", "a
 
 /// Text as HTML: escaped, `commands` set as code, no line ends between a number and its unit or what it counts, long names of files break
 /// behind a slash.
-fn told(text: &str) -> String {
+fn as_html(text: &str) -> String {
     let mut html = String::with_capacity(text.len() + 16);
     // an odd one is no pair
     let (quotes, mut open) = (text.matches('`').count() / 2 * 2, 0);
@@ -201,7 +201,7 @@ fn told(text: &str) -> String {
             '/' | '#'
                 if before.ends_with(char::is_alphanumeric)
                     && after.starts_with(|c: char| c.is_alphanumeric() || c == '.')
-                    && long(text) =>
+                    && is_file_name(text) =>
             {
                 html += here;
                 html += "<wbr>";
@@ -245,7 +245,7 @@ fn command(text: &str) -> String {
 }
 
 /// Whether a text is the name of a file in a folder, alone or among words.
-fn long(text: &str) -> bool {
+fn is_file_name(text: &str) -> bool {
     text.split(' ').any(|word| word.matches('/').count() > 1)
 }
 
@@ -307,7 +307,7 @@ mod tests {
         for bare in ["<i>", "<b>", "<verdict>", "<x>"] {
             assert!(!plain.contains(bare), "{bare}");
         }
-        let (plot, turned) = (page(&format!("{}</div>", plots::LIVE)), page(&format!("{}</div>", turn::OPEN)));
+        let (plot, turned) = (page(&format!("{}</div>", plots::LIVE)), page(&format!("{}</div>", turning_scene::OPEN)));
         assert!(!plain.contains("uPlot") && plot.contains("uPlot") && !turned.contains("uPlot"));
         assert!(turned.len() > plain.len() + 1000);
     }
@@ -348,27 +348,27 @@ mod tests {
     #[test]
     fn a_number_stays_with_its_unit_and_a_command_is_set_as_code() {
         assert_eq!(
-            told("0.5 mm (96 %) at joint 3, from joints 1 and 2"),
+            as_html("0.5 mm (96 %) at joint 3, from joints 1 and 2"),
             "0.5\u{a0}mm (96\u{a0}%) at joint\u{a0}3, from joints\u{a0}1 and 2"
         );
-        assert_eq!(told("<a> & `trical diagnose` looks"), "&lt;a&gt; &amp; <code>trical diagnose</code> looks");
-        assert_eq!(told("by 0.3 +- 0.1 deg, 1 +1"), "by 0.3 \u{b1} 0.1\u{a0}deg, 1 +1");
+        assert_eq!(as_html("<a> & `trical diagnose` looks"), "&lt;a&gt; &amp; <code>trical diagnose</code> looks");
+        assert_eq!(as_html("by 0.3 +- 0.1 deg, 1 +1"), "by 0.3 \u{b1} 0.1\u{a0}deg, 1 +1");
         // what only looks like it
-        assert_eq!(told("one ` alone; 3 made; the joint moves"), "one ` alone; 3 made; the joint moves");
+        assert_eq!(as_html("one ` alone; 3 made; the joint moves"), "one ` alone; 3 made; the joint moves");
     }
 
     #[test]
     fn an_option_stays_in_one_line() {
         let held = "<span class=\"option\">--cross-validate</span>";
-        assert_eq!(told("`trical identify --cross-validate 5`"), format!("<code>trical identify {held} 5</code>"));
-        assert_eq!(told("--cross-validate: a -- b, x--y"), format!("{held}: a -- b, x--y"));
+        assert_eq!(as_html("`trical identify --cross-validate 5`"), format!("<code>trical identify {held} 5</code>"));
+        assert_eq!(as_html("--cross-validate: a -- b, x--y"), format!("{held}: a -- b, x--y"));
         assert_eq!(command("trical 'a<b' --cross-validate=5"), format!("trical &#x27;a&lt;b&#x27; {held}=5"));
     }
 
     #[test]
     fn the_name_of_a_file_breaks_between_its_folders() {
-        assert_eq!(told("/data/arm/run.csv, line 3"), "/data/<wbr>arm/<wbr>run.csv, line\u{a0}3");
-        assert_eq!(told("../run.csv in deg/Nm"), "../run.csv in deg/Nm");
+        assert_eq!(as_html("/data/arm/run.csv, line 3"), "/data/<wbr>arm/<wbr>run.csv, line\u{a0}3");
+        assert_eq!(as_html("../run.csv in deg/Nm"), "../run.csv in deg/Nm");
     }
 
     #[test]

@@ -3,15 +3,15 @@
 use trical_model::{Cell, Forward, Model, Robot, State};
 use trical_plan::{CollisionModel, Criterion, PredictedError, Sphere};
 
-use crate::blindness;
+use crate::detectability;
 use crate::error::Result;
 use crate::evidence::{other_views, row, typical, used};
 use crate::page::{self, Figure, Made, Section};
 use crate::picture::Scene;
-use crate::plan_told::Told;
+use crate::plan_summary::PlanSummary;
 use crate::plots::span;
 use crate::table::{counted, fixed, two_digits};
-use crate::turn;
+use crate::turning_scene;
 
 fn error_row(name: &str, p: Option<PredictedError>) -> Vec<String> {
     let number = |f: fn(&PredictedError) -> f64| p.map_or_else(|| "-".into(), |p| format!("{:.3}", f(&p) * 1e3));
@@ -19,10 +19,10 @@ fn error_row(name: &str, p: Option<PredictedError>) -> Vec<String> {
 }
 
 /// Pictures of a plan.
-pub fn pictures(robot: &Robot, cell: &Cell, told: &Told) -> Result<Vec<Figure>> {
+pub fn pictures(robot: &Robot, cell: &Cell, summary: &PlanSummary) -> Result<Vec<Figure>> {
     let model = CollisionModel::new(robot, cell)?;
-    let touches = &told.plan.entries;
-    let sphere = told.options.sphere.or_else(|| Sphere::above(&cell.balls)).map(|s| (s.centre, s.radius));
+    let touches = &summary.plan.entries;
+    let sphere = summary.options.sphere.or_else(|| Sphere::above(&cell.balls)).map(|s| (s.centre, s.radius));
     // the arm itself stands at the touch that is nearest to the middle of them all
     let shown = typical(&touches.iter().map(|e| e.joints).collect::<Vec<_>>());
     let scene = Scene { model: &model, touches, marks: &[], shown, sphere };
@@ -34,14 +34,14 @@ pub fn pictures(robot: &Robot, cell: &Cell, told: &Told) -> Result<Vec<Figure>> 
                  part to see its name.",
             touches.len()
         ),
-        turn::draw_turning(&scene, 900.0)?,
+        turning_scene::draw_turning(&scene, 900.0)?,
     )];
     figures.extend(other_views(&scene).figures);
     Ok(figures)
 }
 
 /// How far each joint's range and gravity torque are used, and the senses of approach.
-fn coverage(robot: &Robot, cell: &Cell, told: &Told) -> Result<Vec<Vec<String>>> {
+fn coverage(robot: &Robot, cell: &Cell, summary: &PlanSummary) -> Result<Vec<Vec<String>>> {
     let forward = Forward::new(Model::nominal(robot.clone(), cell.clone()), Vec::new())?;
     let mut ws = forward.workspace();
     let torques: Option<Vec<_>> = robot
@@ -49,7 +49,7 @@ fn coverage(robot: &Robot, cell: &Cell, told: &Told) -> Result<Vec<Vec<String>>>
         .is_ok()
         .then(|| {
             let of = |q: &trical_model::Joints| forward.gravity_torques(&State::at(q), &mut ws).ok();
-            told.plan.entries.iter().map(|e| &e.joints).map(of).collect()
+            summary.plan.entries.iter().map(|e| &e.joints).map(of).collect()
         })
         .flatten();
     let mut rows = vec![row([
@@ -63,7 +63,7 @@ fn coverage(robot: &Robot, cell: &Cell, told: &Told) -> Result<Vec<Vec<String>>>
         "not moved",
     ])];
     for k in 0..robot.dof() {
-        let mut cells = used(robot, k, span(told.plan.entries.iter().map(|e| e.joints[k])));
+        let mut cells = used(robot, k, span(summary.plan.entries.iter().map(|e| e.joints[k])));
         let torque = torques.as_ref().map_or_else(
             || "-".into(),
             |t| {
@@ -71,19 +71,19 @@ fn coverage(robot: &Robot, cell: &Cell, told: &Told) -> Result<Vec<Vec<String>>>
                 format!("{} to {}", fixed(a, 1), fixed(b, 1))
             },
         );
-        let [down, up] = told.plan.expected.senses.get(k).copied().unwrap_or_default();
-        let still = told.plan.entries.len().saturating_sub(down + up);
+        let [down, up] = summary.plan.expected.senses.get(k).copied().unwrap_or_default();
+        let still = summary.plan.entries.len().saturating_sub(down + up);
         cells.extend([torque, down.to_string(), up.to_string(), still.to_string()]);
         rows.push(cells);
     }
     Ok(rows)
 }
 
-fn verdict(cell: &Cell, told: &Told) -> String {
-    let e = &told.plan.expected;
-    let touches = format!("{} of {}", counted(told.plan.entries.len(), "touch"), counted(cell.balls.len(), "ball"));
-    if !told.determined() {
-        return format!("{touches}: too few to determine the {} parameters.", told.parameters.len());
+fn verdict(cell: &Cell, summary: &PlanSummary) -> String {
+    let e = &summary.plan.expected;
+    let touches = format!("{} of {}", counted(summary.plan.entries.len(), "touch"), counted(cell.balls.len(), "ball"));
+    if !summary.determined() {
+        return format!("{touches}: too few to determine the {} parameters.", summary.parameters.len());
     }
     let mean = |p: Option<PredictedError>| {
         p.map_or_else(|| "an unknown error".into(), |p| format!("{:.3} mm", p.mean_m * 1e3))
@@ -91,10 +91,10 @@ fn verdict(cell: &Cell, told: &Told) -> String {
     format!(
         "{touches}. With a noise of {} mm the expected position error is {} on average in the sphere and {} in the \
          whole workspace, if the model is complete. {} of the known effects would not be seen at one place or more.",
-        told.options.noise_m * 1e3,
+        summary.options.noise_m * 1e3,
         mean(e.in_sphere),
         mean(e.in_workspace),
-        blindness::count(&told.seen, &told.lacking)
+        detectability::count(&summary.seen, &summary.lacking)
     )
 }
 
@@ -114,9 +114,9 @@ fn gain(criterion: Criterion, over_random: f64) -> String {
 }
 
 /// Candidates of each ball that were refused.
-fn refused(told: &Told) -> Vec<Vec<String>> {
+fn refused(summary: &PlanSummary) -> Vec<Vec<String>> {
     let mut rows = vec![row(["ball", "tried", "kept", "refused because of", "most contacts between"])];
-    for (k, r) in told.plan.rejected.iter().enumerate() {
+    for (k, r) in summary.plan.rejected.iter().enumerate() {
         let reasons: Vec<String> =
             r.reasons().iter().filter(|r| r.1 > 0).map(|(reason, n)| format!("{reason} {n}")).collect();
         let contact = r.contacts.iter().max_by_key(|c| *c.1).map_or_else(String::new, |(p, n)| format!("{p}: {n}"));
@@ -126,9 +126,9 @@ fn refused(told: &Told) -> Vec<Vec<String>> {
     rows
 }
 
-fn parameters(told: &Told) -> Vec<Vec<String>> {
+fn parameters(summary: &PlanSummary) -> Vec<Vec<String>> {
     let mut rows = vec![row(["parameter", "nominal", "expected sd", "unit"])];
-    rows.extend(told.parameters.iter().map(|s| {
+    rows.extend(summary.parameters.iter().map(|s| {
         vec![
             s.name.clone(),
             s.nominal.map_or_else(|| "-".into(), |n| fixed(n, 3)),
@@ -140,8 +140,8 @@ fn parameters(told: &Told) -> Vec<Vec<String>> {
 }
 
 /// All effects at all sites, those that are seen least first.
-fn detectability(told: &Told) -> Vec<Vec<String>> {
-    let mut sorted: Vec<_> = told.seen.iter().collect();
+fn all_effects(summary: &PlanSummary) -> Vec<Vec<String>> {
+    let mut sorted: Vec<_> = summary.seen.iter().collect();
     sorted.sort_by(|a, b| a.lambda.total_cmp(&b.lambda));
     let cells =
         sorted.iter().map(|s| vec![s.effect.effect().title.to_owned(), s.site.to_string(), format!("{:.1}", s.lambda)]);
@@ -149,22 +149,22 @@ fn detectability(told: &Told) -> Vec<Vec<String>> {
 }
 
 /// What would not be seen, and what would help.
-fn not_seen(told: &Told) -> Section {
+fn not_seen(summary: &PlanSummary) -> Section {
     let mut advice = vec![row(["what would help", "to see"])];
-    advice.extend(blindness::advice(&told.seen).into_iter().map(|(remedy, what)| vec![remedy, what]));
+    advice.extend(detectability::advice(&summary.seen).into_iter().map(|(remedy, what)| vec![remedy, what]));
     let mut text = vec![
         "Lambda is how large an effect of typical size would be in these measurements, in standard deviations of the \
          noise, after the fit of the parameters has absorbed what it can. An effect with lambda below 3 is not seen."
             .to_owned(),
     ];
-    text.extend(told.lacks());
+    text.extend(summary.lacks());
     Section::new("What would not be seen").with_text(text).with_tables([advice])
 }
 
 /// The whole report.
-pub fn render(robot: &Robot, cell: &Cell, told: &Told, made: &Made) -> Result<String> {
-    let e = &told.plan.expected;
-    let mut pictures = pictures(robot, cell, told)?;
+pub fn render(robot: &Robot, cell: &Cell, summary: &PlanSummary, made: &Made) -> Result<String> {
+    let e = &summary.plan.expected;
+    let mut pictures = pictures(robot, cell, summary)?;
     let others = pictures.split_off(1);
     let expected = vec![
         row(["position error to be expected, mm", "mean", "rms", "rms at the worst pose"]),
@@ -180,16 +180,16 @@ pub fn render(robot: &Robot, cell: &Cell, told: &Told, made: &Made) -> Result<St
             .with_text([format!(
                 "From the noise of the gauge alone, {} mm in each of its three readings. Errors of the \
                  model come on top, and grow where joints leave the ranges below.{}",
-                told.options.noise_m * 1e3,
+                summary.options.noise_m * 1e3,
                 gain(e.criterion, e.gain_over_random)
             )])
-            .with_tables([expected, coverage(robot, cell, told)?]),
-        not_seen(told),
-        Section::new("Candidates").with_tables([refused(told)]),
-        Section::new("Parameters").with_text(dependent).with_tables([parameters(told)]),
-        Section::new("All effects").with_tables([detectability(told)]).folded(true),
+            .with_tables([expected, coverage(robot, cell, summary)?]),
+        not_seen(summary),
+        Section::new("Candidates").with_tables([refused(summary)]),
+        Section::new("Parameters").with_text(dependent).with_tables([parameters(summary)]),
+        Section::new("All effects").with_tables([all_effects(summary)]).folded(true),
     ];
-    page::render(&page::title("Plan", &robot.name, &[]), &verdict(cell, told), &sections, made)
+    page::render(&page::title("Plan", &robot.name, &[]), &verdict(cell, summary), &sections, made)
 }
 
 #[cfg(test)]
@@ -212,7 +212,7 @@ mod tests {
             ..PlanOptions::default()
         };
         let plan = plan_touches(&of_arm.robot, &of_arm.cell, &options, &Task::silent()).unwrap();
-        let rows = refused(&Told::new(&model, plan, options).unwrap());
+        let rows = refused(&PlanSummary::new(&model, plan, options).unwrap());
         assert_eq!(rows.len(), 4);
         for row in &rows[1..] {
             let [tried, kept] = [1, 2].map(|k| row[k].parse::<usize>().unwrap());

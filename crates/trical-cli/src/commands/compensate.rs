@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use trical_ident::{Expected, ModelFile};
 use trical_model::{Model, State};
-use trical_program::{Dialect, Job, Options, ProgramError, Report, Spelling, declared_frames, left};
+use trical_program::{Dialect, Job, Options, ProgramError, Report, Spelling, declared_frames, refuse_left_out};
 use trical_report::table;
 
 use crate::error::{CliError, Result};
@@ -153,7 +153,7 @@ pub fn run(args: &Args) -> Result<()> {
         report.expect(|q| expected.deviation(&State { temp_c, payload_kg, ..State::at(q) }));
     }
     tell(args, &job, &report)?;
-    if args.check { left(&name, &report, args.partial, options.spelling).map_err(&failed) } else { Ok(()) }
+    if args.check { refuse_left_out(&name, &report, args.partial, options.spelling).map_err(&failed) } else { Ok(()) }
 }
 
 /// Rows of a table of targets, each with its error before and after.

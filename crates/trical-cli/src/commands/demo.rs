@@ -19,8 +19,8 @@ use trical_plan::{
 };
 use trical_program::{Dialect, Frames, Options, Program, Report, compensate};
 use trical_recording::read_recording;
-use trical_report::plan_told::Told;
-use trical_report::{plan_report, table, verdict_told};
+use trical_report::plan_summary::PlanSummary;
+use trical_report::{plan_report, table, verdict_summary};
 
 use crate::commands::demo_report::{Models, Scored, Seal, error_rows};
 use crate::commands::{demo_report, plan, virtual_cell};
@@ -184,7 +184,7 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let nominal = plan::model_to_identify(&story.robot, &story.cell)?;
     let (running, concealed) = true_arm(&story, &nominal)?;
-    let (entries, told) = planned(&story, &nominal, concealed)?;
+    let (entries, summary) = planned(&story, &nominal, concealed)?;
     let recording = measured(&story, &running, &entries, ACCEPTED[usize::from(concealed)])?;
     let touches = recording.rows.len();
     let models = diagnosed(&story, recording)?;
@@ -193,7 +193,7 @@ pub fn run(args: &Args) -> Result<()> {
     let scores = validated(&story, &models, temp_c)?;
     let driven = program(&story, &running, &models.best, temp_c)?;
     let made = story.made(&["robot.toml", "cell.toml", "run.mcap", "truth.sealed.toml"]);
-    let html = demo_report::render(&models, &seal, &scores, &driven, &told, &made)?;
+    let html = demo_report::render(&models, &seal, &scores, &driven, &summary, &made)?;
     write_whole(&story.file("report.html"), html.as_bytes())?;
     let seconds = story.begin.elapsed().as_secs_f64();
     story.tell(format!("8. Everything is in {}: open report.html. ({seconds:.0} s)", out.display()))?;
@@ -254,7 +254,7 @@ fn true_arm(story: &Story<'_>, nominal: &Model) -> Result<(VirtualCell, bool)> {
 }
 
 /// 2. The plan.
-fn planned(story: &Story<'_>, nominal: &Model, concealed: bool) -> Result<(Vec<PlanEntry>, Told)> {
+fn planned(story: &Story<'_>, nominal: &Model, concealed: bool) -> Result<(Vec<PlanEntry>, PlanSummary)> {
     let per_ball = PER_BALL[usize::from(concealed)];
     let options = PlanOptions {
         seed: story.args.seed,
@@ -273,10 +273,10 @@ fn planned(story: &Story<'_>, nominal: &Model, concealed: bool) -> Result<(Vec<P
         cell.balls.len() * options.pool_per_ball
     ))?;
     story.tell("   collide with nothing (plan.html).")?;
-    let told = Told::new(nominal, planned, options)?;
-    let html = plan_report::render(robot, cell, &told, &story.made(&["robot.toml", "cell.toml"]))?;
+    let summary = PlanSummary::new(nominal, planned, options)?;
+    let html = plan_report::render(robot, cell, &summary, &story.made(&["robot.toml", "cell.toml"]))?;
     write_whole(&story.file("plan.html"), html.as_bytes())?;
-    Ok((entries, told))
+    Ok((entries, summary))
 }
 
 /// 3. The measurement, through the drivers that a real cell would use, read back from the file.
@@ -336,7 +336,7 @@ fn diagnosed(story: &Story<'_>, recording: Recording) -> Result<Models> {
     let (diagnosis, _) =
         progress::with_bar("diagnosing", |task| diagnose_recordings(robot, cell, &recordings, &options, task))?;
     story.tell(format!("   The diagnosis says, after {:.1} s (improved.toml):", clock.elapsed().as_secs_f64()))?;
-    for line in verdict_told::lines(&diagnosis) {
+    for line in verdict_summary::lines(&diagnosis) {
         story.tell(format!("   {line}"))?;
     }
     let mut models = Models { nominal, best: plain.model.clone(), plain, diagnosis };
@@ -363,7 +363,7 @@ fn found_in(d: &Diagnosis) -> Vec<String> {
             let f = &d.findings[k - 1];
             in_words(f.effect, f.site, &f.coefficients)
         }
-        _ => verdict_told::sentence(row),
+        _ => verdict_summary::sentence(row),
     };
     claims.take(2).map(said).collect()
 }
@@ -420,7 +420,7 @@ fn program(story: &Story<'_>, running: &VirtualCell, model: &Model, temp_c: Opti
     let unmarked = better.iter().position(|b| *b == b'\n').map_or(0, |k| k + 1);
     let (_, again) = rewritten(&better[unmarked..], &controller, &controller, temp_c)?;
     let missed = |by: &Report| -> Result<ErrorSummary> {
-        let poses: Vec<_> = plain.rows.iter().zip(&by.rows).map(|(told, row)| (told.wanted, row.joints)).collect();
+        let poses: Vec<_> = plain.rows.iter().zip(&by.rows).map(|(plain, by)| (plain.wanted, by.joints)).collect();
         Ok(ErrorSummary::of(&drive(running, &poses)?))
     };
     let driven = [missed(&plain)?, missed(&again)?];

@@ -5,7 +5,7 @@ use trical_diagnose::Diagnosis;
 use trical_ident::{ErrorSummary, Identified};
 use trical_model::{Joints, Model};
 use trical_report::page::{Figure, Section, error_table, render as page};
-use trical_report::plan_told::Told;
+use trical_report::plan_summary::PlanSummary;
 use trical_report::plots::{self, AFTER, BEFORE, Series};
 use trical_report::{Made, diagnosis_report, plan_report};
 
@@ -116,7 +116,7 @@ fn errors(models: &Models, scores: &[Scored; 2]) -> Result<Section> {
         ]))
 }
 
-fn touches(models: &Models, told: &Told) -> Result<Section> {
+fn touches(models: &Models, summary: &PlanSummary) -> Result<Section> {
     let fitted = &models.plain;
     let residuals: Vec<(f64, f64)> = fitted
         .errors()?
@@ -124,7 +124,7 @@ fn touches(models: &Models, told: &Told) -> Result<Section> {
         .enumerate()
         .map(|(k, e)| (f64::from(u32::try_from(k + 1).unwrap_or(0)), e * 1e3))
         .collect();
-    let mut figures = plan_report::pictures(&fitted.model.robot, &fitted.model.cell, told)?;
+    let mut figures = plan_report::pictures(&fitted.model.robot, &fitted.model.cell, summary)?;
     figures.truncate(1);
     let series = [Series { name: "residual", color: AFTER, points: residuals }];
     let plot = plots::scatter("touch", "residual, mm", true, false, &series)?;
@@ -140,7 +140,7 @@ pub fn render(
     seal: &Seal,
     scores: &[Scored; 2],
     driven: &[ErrorSummary; 2],
-    told: &Told,
+    summary: &PlanSummary,
     made: &Made,
 ) -> Result<String> {
     let best = if models.found() { 2 } else { 1 };
@@ -167,7 +167,7 @@ pub fn render(
             ])
             .with_tables([error_table(&[("as written", &driven[0]), ("compensated", &driven[1])])]),
     );
-    sections.push(touches(models, told)?);
+    sections.push(touches(models, summary)?);
     sections.push(
         Section::new("Parameters of the plain model")
             .with_text([

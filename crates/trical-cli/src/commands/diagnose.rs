@@ -6,7 +6,7 @@ use trical_diagnose::{Diagnosis, Options, Undecided, diagnose_recordings};
 use trical_ident::{JointSource, KnownParameters, write_whole};
 use trical_plan::{Next, write_plan};
 use trical_report::deciding::{self, plan_next};
-use trical_report::{diagnosis_report, table, verdict_told};
+use trical_report::{diagnosis_report, table, verdict_summary};
 
 use crate::error::{CliError, Result};
 use crate::input::{self, Joints, RobotAndCell, Tool};
@@ -92,7 +92,7 @@ pub fn run(args: &Args) -> Result<()> {
         write_whole(&args.next_out, write_plan(&robot, &next.entries).as_bytes())?;
     }
     if args.json {
-        let mut value = verdict_told::answer(&diagnosis, source)?;
+        let mut value = verdict_summary::json(&diagnosis, source)?;
         if args.next.is_some() {
             value["next"] = next.as_ref().map_or(serde_json::Value::Null, |(u, n)| next_json(args, u, n));
         }
@@ -162,8 +162,8 @@ fn little(next: &Next) -> String {
 fn lines(args: &Args, d: &Diagnosis) -> Vec<String> {
     let caution = |c: &String| table::wrapped(&format!("Caution: {c}"), LINE, "");
     let note = |n: &String| table::wrapped(&format!("Note: {n}"), LINE, "");
-    let mut out: Vec<String> = verdict_told::no_arm(d).iter().flat_map(caution).collect();
-    out.extend(verdict_told::lines(d));
+    let mut out: Vec<String> = verdict_summary::no_arm(d).iter().flat_map(caution).collect();
+    out.extend(verdict_summary::lines(d));
     let mut more = Vec::new();
     if args.report.is_none() {
         more.push("--report FILE shows each finding and what this data could not show");
@@ -175,9 +175,9 @@ fn lines(args: &Args, d: &Diagnosis) -> Vec<String> {
         out.push(format!("More: {}.", more.join("; ")));
     }
     out.extend(super::identify::rejected_lines(&d.rejected, d.rejected.len(), 3));
-    out.extend(verdict_told::cautions(d).iter().flat_map(caution));
-    out.extend(verdict_told::notes(d).iter().flat_map(note));
+    out.extend(verdict_summary::cautions(d).iter().flat_map(caution));
+    out.extend(verdict_summary::notes(d).iter().flat_map(note));
     let listed = if args.report.is_none() { "; --report lists them" } else { "" };
-    out.extend(verdict_told::not_shown(d).map(|said| format!("{said}{listed}.")));
+    out.extend(verdict_summary::not_shown(d).map(|said| format!("{said}{listed}.")));
     out
 }

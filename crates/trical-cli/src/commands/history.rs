@@ -67,7 +67,7 @@ fn print(h: &History) -> Result<()> {
             "Days are not known: not every name has a date such as 2026-11-22. Sessions are in the order of their names.",
         )?;
     }
-    for told in history_report::told(h) {
+    for told in history_report::summary_lines(h) {
         say_wrapped(&told, "  ")?;
     }
     say_wrapped(&h.due, "")

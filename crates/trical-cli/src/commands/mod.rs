@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use trical_ident::AngleSummary;
-use trical_ident::caution::listed;
+use trical_ident::fit::cautions::listed;
 
 use crate::error::Result;
 use crate::say;

@@ -15,7 +15,7 @@ use trical_plan::{
 };
 use trical_report::places::{self, Worth};
 use trical_report::plan_report;
-use trical_report::plan_told::Told;
+use trical_report::plan_summary::PlanSummary;
 use trical_report::table;
 
 use crate::error::{CliError, Result};
@@ -235,7 +235,7 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let model = model_to_identify(&robot, &cell)?;
     let options = args.options(&robot, &model)?;
-    let told = progress::with_bar("planning", |task| -> Result<Told> {
+    let summary = progress::with_bar("planning", |task| -> Result<PlanSummary> {
         let plan = plan_touches(&robot, &cell, &options, task).map_err(|e| match e {
             PlanError::BadStart { .. } => CliError::Input(format!("{e}; --start-deg says where the arm stands")),
             e if few => {
@@ -244,21 +244,21 @@ pub fn run(args: &Args) -> Result<()> {
             e => e.into(),
         })?;
         task.step(1.0, "what it would show")?;
-        Ok(Told::new(&model, plan, options)?)
+        Ok(PlanSummary::new(&model, plan, options)?)
     })?;
     if let Some(path) = &args.report {
-        write_whole(path, plan_report::render(&robot, &cell, &told, &input::made(&args.cell.files()))?.as_bytes())?;
+        write_whole(path, plan_report::render(&robot, &cell, &summary, &input::made(&args.cell.files()))?.as_bytes())?;
     }
-    write_whole(out, write_plan(&robot, &told.plan.entries).as_bytes())?;
+    write_whole(out, write_plan(&robot, &summary.plan.entries).as_bytes())?;
     let worth = if few { worth()? } else { Vec::new() };
     if args.json {
-        let mut value = told.json();
+        let mut value = summary.json();
         if few {
             value["places"] = serde_json::to_value(&worth)?;
         }
         return say_json(&value);
     }
-    say_lines(told.lines())?;
+    say_lines(summary.lines())?;
     if few {
         let said = "Caution: with fewer than three balls identify takes where they stand as unknown at every place, and this plan as known: what is \
                     expected above is too good, and holds in the end for three or more places, each with a plan of its own.";

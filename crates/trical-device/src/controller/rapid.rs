@@ -181,14 +181,14 @@ impl<S: Read + Write + Send> RapidClient<S> {
                 self.broken = Some(data.clone());
                 return Err(ControllerError::Secret { controller: self.name.clone(), reason: data });
             }
-            if let Some(data) = self.answer(wanted, request, &message, false)? {
+            if let Some(data) = self.reply_to(wanted, request, &message, false)? {
                 return Ok(data);
             }
         }
     }
 
     /// What a message answers to a request that was sent: the data of its reply, or nothing yet.
-    fn answer(
+    fn reply_to(
         &mut self,
         wanted: u8,
         request: &str,
@@ -242,7 +242,7 @@ impl<S: Read + Write + Send> RapidClient<S> {
             }
             let Some(message) = self.next_message((now + LOOK_FOR_STOP).min(begin + timeout))? else { continue };
             heard = Instant::now();
-            if self.answer(wanted, request, &message, true)?.is_some() {
+            if self.reply_to(wanted, request, &message, true)?.is_some() {
                 return Ok(());
             }
         }

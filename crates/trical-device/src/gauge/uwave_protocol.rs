@@ -79,7 +79,7 @@ impl Status {
     }
 
     /// Its number, and what it says.
-    fn told(self) -> (u8, &'static str) {
+    fn code_and_words(self) -> (u8, &'static str) {
         let unknown = if let Self::Unknown(code) = self { code } else { u8::MAX };
         let known = STATUSES.iter().find(|known| known.0 == self);
         known.map_or((unknown, "unknown status"), |(_, code, words)| (*code, words))
@@ -88,7 +88,7 @@ impl Status {
     /// The number of the status.
     #[must_use]
     pub fn code(self) -> u8 {
-        self.told().0
+        self.code_and_words().0
     }
 
     /// Whether asking again may help. A request is also refused when it came behind half of another one.
@@ -103,7 +103,7 @@ impl Status {
 
 impl fmt::Display for Status {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (code, says) = self.told();
+        let (code, says) = self.code_and_words();
         write!(f, "{says} (status {code:02})")
     }
 }

@@ -34,7 +34,7 @@ pub(super) fn serve(mut master: File, world: &Arc<Mutex<World>>, stop: &AtomicBo
             let (reply, late, pieces) = {
                 let mut world = lock(world);
                 world.readings += 1;
-                let reply = answer(&line, &mut world);
+                let reply = reply_to(&line, &mut world);
                 let late = world.active().find_map(|fault| match fault {
                     Fault::Late { milliseconds } => Some(u64::from(*milliseconds)),
                     _ => None,
@@ -58,7 +58,7 @@ pub(super) fn serve(mut master: File, world: &Arc<Mutex<World>>, stop: &AtomicBo
 }
 
 /// The bytes that the receiver sends on a request.
-fn answer(line: &[u8], world: &mut World) -> Vec<u8> {
+fn reply_to(line: &[u8], world: &mut World) -> Vec<u8> {
     if world.has(&Fault::Silence) {
         return Vec::new();
     }

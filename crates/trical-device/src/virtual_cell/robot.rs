@@ -72,7 +72,7 @@ fn serve_client(mut stream: TcpStream, world: &Arc<Mutex<World>>, stop: &AtomicB
                 let stalls = world.has(&Fault::Stall) && is_motion(&message);
                 let pieces = world.has(&Fault::Pieces);
                 let begin = world.clock();
-                let Some(reply) = answer(&message, &mut world) else { return Ok(()) };
+                let Some(reply) = reply_to(&message, &mut world) else { return Ok(()) };
                 (reply, (world.clock() - begin) * world.options.pace, pieces, stalls)
             };
             let mut reply = reply;
@@ -162,7 +162,7 @@ fn is_motion(message: &[u8]) -> bool {
 }
 
 /// What the controller sends on a request; `None` closes the connection.
-fn answer(message: &[u8], world: &mut World) -> Option<String> {
+fn reply_to(message: &[u8], world: &mut World) -> Option<String> {
     if world.has(&Fault::DropConnection) {
         return None;
     }

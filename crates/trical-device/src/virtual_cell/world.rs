@@ -99,7 +99,7 @@ impl World {
     }
 
     /// What is left of `Unsettled` since the last motion, 1 to 0.
-    fn left(&self) -> f64 {
+    fn unsettled_share(&self) -> f64 {
         let Some(unsettled) = self.options.unsettled else { return 0.0 };
         let scale = if self.options.pace > 0.0 { self.options.pace } else { 1.0 };
         (-self.stopped.elapsed().as_secs_f64() / (unsettled.time * scale).max(1e-9)).exp()
@@ -149,7 +149,7 @@ impl World {
     }
 
     pub(super) fn joints(&self) -> Joints {
-        let short = self.options.unsettled.map_or(0.0, |u| u.joint) * self.left();
+        let short = self.options.unsettled.map_or(0.0, |u| u.joint) * self.unsettled_share();
         let sense = self.motion.sense();
         on_grid(&std::array::from_fn(|joint| self.q[joint] - short * f64::from(sense[joint])))
     }
@@ -277,7 +277,7 @@ impl World {
         let value = if late {
             self.before[source]
         } else {
-            let off = self.options.unsettled.map_or(0.0, |u| u.indicator) * self.left();
+            let off = self.options.unsettled.map_or(0.0, |u| u.indicator) * self.unsettled_share();
             let value = self.indicators[source] + off;
             let resolution = self.options.resolution;
             if off > 0.0 && resolution > 0.0 { (value / resolution).round() * resolution } else { value }

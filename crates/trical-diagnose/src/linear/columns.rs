@@ -9,8 +9,8 @@ use rayon::prelude::*;
 use trical_ident::dataset::Dataset;
 use trical_ident::dense::{Mat, View};
 use trical_ident::error::Result;
-use trical_ident::known::Known;
-use trical_ident::noise::Noise;
+use trical_ident::fit::noise::Noise;
+use trical_ident::fit::priors::PriorKnowledge;
 use trical_model::{Forward, Measured, Model, Term};
 
 use crate::candidate::Candidate;
@@ -31,7 +31,7 @@ pub struct Fitted<'a> {
     /// Where.
     pub model: &'a Model,
     /// What was known of its terms beforehand, in their order; nothing beyond its end.
-    pub known: &'a [Known],
+    pub known: &'a [PriorKnowledge],
     /// Terms before this one are fitted; those from here up to `effects` stay as they are.
     pub parameters: usize,
     /// Terms from here on are effects: the model is linearized with them, and they are taken out of the residual again by their own columns.
@@ -47,7 +47,7 @@ impl<'a> Fitted<'a> {
 
     /// Priors of what is fitted.
     fn priors(&self) -> Vec<PriorRow> {
-        let of = |(column, (t, k)): (usize, (&Term, &Known))| {
+        let of = |(column, (t, k)): (usize, (&Term, &PriorKnowledge))| {
             let prior = k.prior?;
             Some(PriorRow { column, weight: 1.0 / prior.sd, residual: (t.value - prior.value) / prior.sd })
         };
@@ -89,14 +89,14 @@ pub(crate) struct Linear {
     /// Where each column is stored: columns of one family, which have one motion, stand together.
     place: Vec<usize>,
     /// What its basis says of each column, `observations x width`, row-major, by place.
-    says: Vec<f64>,
+    basis_values: Vec<f64>,
     /// Places of each family.
     families: Vec<(usize, usize)>,
     /// Family of each place.
     family: Vec<usize>,
     /// Unit direction of what the motion of each family does, `rows x families`.
     directions: Mat,
-    /// Columns that are not one motion scaled by a number in each row, all rows, and by place which of them it is. What `says` and `directions` have for them is
+    /// Columns that are not one motion scaled by a number in each row, all rows, and by place which of them it is. What `basis_values` and `directions` have for them is
     /// zero.
     whole: Mat,
     whole_of: Vec<Option<usize>>,
@@ -142,7 +142,7 @@ impl Linear {
             first_row: vec![0],
             width,
             place,
-            says: vec![0.0; count * width],
+            basis_values: vec![0.0; count * width],
             family,
             directions: Mat::zeros(rows, families.len()),
             families,
@@ -187,10 +187,10 @@ impl Linear {
                     (0..n).for_each(|k| all.directions[(row + k, family)] = does[k] / lengths[family]);
                 }
             }
-            let says = &mut all.says[index * width..(index + 1) * width];
+            let basis_values = &mut all.basis_values[index * width..(index + 1) * width];
             for (column, at) in all.place.iter().enumerate() {
                 if all.whole_of[*at].is_none() {
-                    says[*at] = forward.amount(own + column, &ws) * lengths[all.family[*at]];
+                    basis_values[*at] = forward.amount(own + column, &ws) * lengths[all.family[*at]];
                 }
             }
             for (k, column) in whole.iter().enumerate() {
@@ -198,7 +198,7 @@ impl Linear {
                 all.whole.col_mut(k)[row..row + n].copy_from_slice(&rows[..n]);
             }
             for (column, weights) in &weights {
-                says[all.place[*column]] *= weights[index];
+                basis_values[all.place[*column]] *= weights[index];
                 if let Some(k) = all.whole_of[all.place[*column]] {
                     all.whole.col_mut(k)[row..row + n].iter_mut().for_each(|v| *v *= weights[index]);
                 }
@@ -221,7 +221,7 @@ impl Linear {
             Some(whole) => self.whole[(row, whole)],
             None => {
                 let observation = self.sigma_of_row[row].1;
-                self.says[observation * self.width + at] * self.directions[(row, self.family[at])]
+                self.basis_values[observation * self.width + at] * self.directions[(row, self.family[at])]
             }
         }
     }
@@ -235,9 +235,9 @@ impl Linear {
         }
         let direction = self.directions.col(self.family[at]);
         for (i, rows) in self.first_row.windows(2).enumerate() {
-            let says = self.says[i * self.width + at];
+            let basis_values = self.basis_values[i * self.width + at];
             for (v, d) in out[rows[0]..rows[1]].iter_mut().zip(&direction[rows[0]..rows[1]]) {
-                *v = says * d;
+                *v = basis_values * d;
             }
         }
     }
@@ -288,17 +288,17 @@ impl Linear {
                 out
             })
             .collect();
-        let says: Vec<Option<(usize, Vec<f64>)>> = columns
+        let basis_values: Vec<Option<(usize, Vec<f64>)>> = columns
             .iter()
             .map(|a| {
                 let at = self.place[*a];
                 let source = sources.binary_search(&self.family[at]).ok().filter(|_| self.whole_of[at].is_none())?;
-                Some((source, (0..self.first_row.len() - 1).map(|o| self.says[o * self.width + at]).collect()))
+                Some((source, (0..self.first_row.len() - 1).map(|o| self.basis_values[o * self.width + at]).collect()))
             })
             .collect();
-        self.products_with(&rows, |family, column, out| match &says[column] {
-            Some((source, says)) => {
-                for ((v, s), c) in out.iter_mut().zip(says).zip(&common[source * families + family]) {
+        self.products_with(&rows, |family, column, out| match &basis_values[column] {
+            Some((source, basis_values)) => {
+                for ((v, s), c) in out.iter_mut().zip(basis_values).zip(&common[source * families + family]) {
                     *v = s * c;
                 }
             }
@@ -365,8 +365,9 @@ impl Linear {
         for (j, column) in some.enumerate() {
             along(column, numbers.col_mut(j));
         }
-        let says = View::of_rows(&self.says, observations, self.width).columns(places.start, places.len());
-        says.transpose() * &numbers
+        let basis_values =
+            View::of_rows(&self.basis_values, observations, self.width).columns(places.start, places.len());
+        basis_values.transpose() * &numbers
     }
 
     /// Inner products of the columns of each span with each other after the filter: row by row of the lower triangle, diagonal included.
@@ -384,7 +385,7 @@ impl Linear {
         let columns = if any_whole {
             self.filtered(all.clone())
         } else {
-            Mat::from_fn(observations, all.len(), |o, k| self.says[o * self.width + self.place[all.start + k]])
+            Mat::from_fn(observations, all.len(), |o, k| self.basis_values[o * self.width + self.place[all.start + k]])
         };
         let between = |i: usize, j: usize| -> f64 {
             let products = columns.col(i).iter().zip(columns.col(j)).map(|(a, b)| a * b);

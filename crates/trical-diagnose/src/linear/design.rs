@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 use trical_ident::dataset::Dataset;
 use trical_ident::dense::{Mat, dot, orthonormal};
 use trical_ident::error::Result;
-use trical_ident::noise::Noise;
+use trical_ident::fit::noise::Noise;
 use trical_model::Model;
 
 use super::columns::{Fitted, Linear, gram};

@@ -96,7 +96,7 @@ impl<'a> Downdate<'a> {
             ws.push(w);
         }
         for (w, d) in ws.into_iter().zip(d) {
-            state.explain(self.design, Part { w: w.into(), taken_out: true }, d);
+            state.project_out(self.design, Part { w: w.into(), taken_out: true }, d);
         }
         state.added.retain(|a| !is_own(a.column));
         (state.ss, state.parameters) = (like.ss, like.parameters);

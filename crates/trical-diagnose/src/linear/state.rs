@@ -86,9 +86,9 @@ impl RegressionState {
     }
 
     /// Takes what a part explains out of all products, or puts it back.
-    pub(crate) fn explain(&mut self, design: &Design, part: Part, d: f64) {
+    pub(crate) fn project_out(&mut self, design: &Design, part: Part, d: f64) {
         let sign = if part.taken_out { -1.0 } else { 1.0 };
-        Arch::new().dispatch(Explain { w: &part.w, d: sign * d, sign, b: &mut self.b, left: &mut self.left });
+        Arch::new().dispatch(ProjectOut { w: &part.w, d: sign * d, sign, b: &mut self.b, left: &mut self.left });
         for ((from, to), at) in design.spans.iter().zip(&design.beside_at) {
             if to - from > 1 {
                 let w = &part.w[*from..*to];
@@ -220,7 +220,7 @@ impl Design {
         let l = lengths(&among.added, &among.parts[start.parts.len()..]);
         solve_lower_rows(&l, &mut w);
         for (w, added) in w.into_iter().zip(&among.added) {
-            state.explain(self, Part { w: w.into(), taken_out: false }, added.d);
+            state.project_out(self, Part { w: w.into(), taken_out: false }, added.d);
         }
         (state.ss, state.parameters) = (among.ss, among.parameters);
         state
@@ -250,7 +250,7 @@ impl Design {
             let norm = square.sqrt();
             w.iter_mut().for_each(|v| *v /= norm);
             let d = state.b[a] / norm;
-            state.explain(self, Part { w: w.into(), taken_out: false }, d);
+            state.project_out(self, Part { w: w.into(), taken_out: false }, d);
             state.parameters += 1.0 - self.precision[a] / square;
             state.added.push(Added { column: a, norm, d });
         }
@@ -428,7 +428,7 @@ impl pulp::NullaryFnOnce for Orthogonal<'_> {
 }
 
 /// Takes the part of a basis vector out of `b` and `left`.
-struct Explain<'a> {
+struct ProjectOut<'a> {
     w: &'a [f64],
     d: f64,
     sign: f64,
@@ -436,7 +436,7 @@ struct Explain<'a> {
     left: &'a mut [f64],
 }
 
-impl pulp::NullaryFnOnce for Explain<'_> {
+impl pulp::NullaryFnOnce for ProjectOut<'_> {
     type Output = ();
 
     #[inline(always)]

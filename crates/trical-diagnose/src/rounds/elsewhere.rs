@@ -2,12 +2,12 @@
 
 use std::collections::BTreeSet;
 
-use trical_ident::by_place::score_places;
+use trical_ident::calibration::by_place::score_places;
 use trical_ident::calibration::score_sessions;
 use trical_ident::dataset::Dataset;
 use trical_ident::error::Result;
-use trical_ident::identify::{ErrorSummary, Fit, Identified, fit_near_nominal};
-use trical_ident::known::Known;
+use trical_ident::fit::identify::{ErrorSummary, Fit, Identified, fit_near_nominal};
+use trical_ident::fit::priors::PriorKnowledge;
 use trical_model::{Basis, Forward, Model, Site, Term};
 
 use super::Rounds;
@@ -67,7 +67,8 @@ impl Rounds {
             .collect();
         let mut at = kept.iter();
         model.terms.retain(|_| at.next().copied().unwrap_or(false));
-        let known: Vec<Known> = self.known.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(k, _)| *k).collect();
+        let known: Vec<PriorKnowledge> =
+            self.known.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(k, _)| *k).collect();
         fit_near_nominal(&model, data, &self.kept, &self.fitted.noise, &known, Vec::new(), &self.params)
     }
 }

@@ -4,8 +4,8 @@
 use std::collections::BTreeMap;
 
 use trical_ident::error::Result;
-use trical_ident::folds::{FOLDS, Folds};
-use trical_ident::identify::ErrorSummary;
+use trical_ident::fit::folds::{FOLDS, Folds};
+use trical_ident::fit::identify::ErrorSummary;
 use trical_model::Term;
 
 use super::Rounds;

@@ -1,7 +1,7 @@
 //! Readings left on the gauge: noise of their own, or deflections that a gain shows in.
 
 use trical_ident::error::Result;
-use trical_ident::identify::Identified;
+use trical_ident::fit::identify::Identified;
 use trical_model::{Axis, Term, Variable};
 
 use super::{Rounds, temper};

@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use trical_ident::error::Result;
-use trical_ident::fit::position_errors;
-use trical_ident::identify::ErrorSummary;
+use trical_ident::fit::identify::ErrorSummary;
+use trical_ident::fit::residuals::position_errors;
 use trical_model::{Forward, Model};
 
 use super::Rounds;

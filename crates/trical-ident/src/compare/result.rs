@@ -6,9 +6,9 @@ use serde::Serialize;
 use trical_model::Scope;
 
 use super::settings::{BEYOND, CHANGES, FAR_TURNED_DEG, MORE_SCATTER, NO_FIT, UNUSUAL, WARMER};
-use crate::adapted::LeftOut;
 use crate::dataset::Rejected;
 use crate::rigid::moved;
+use crate::validate::adapted::LeftOut;
 
 /// One number of a change.
 #[derive(Clone, Debug, PartialEq, Serialize)]

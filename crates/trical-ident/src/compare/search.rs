@@ -34,7 +34,7 @@ pub(super) fn changes(whitened: &mut Whitened<'_>) -> Vec<Change> {
     while taken.len() < CHANGES {
         let beside = Beside::of(whitened, &but(&taken, None));
         let Some(best) = beside.best() else { break };
-        taken.push((best, beside.told(best)));
+        taken.push((best, beside.change(best)));
         leave_out_wrong(whitened, &but(&taken, None));
     }
     // an early choice may explain what a later one explains better: try the search without it
@@ -45,7 +45,7 @@ pub(super) fn changes(whitened: &mut Whitened<'_>) -> Vec<Change> {
             match beside.best() {
                 None => taken.retain(|t| t.0 != own),
                 Some(best) if beside.tried[best].evidence > beside.tried[own].evidence + CLEARLY_BETTER => {
-                    let told = beside.told(best);
+                    let told = beside.change(best);
                     taken.iter_mut().filter(|t| t.0 == own).for_each(|t| *t = (best, told.clone()));
                 }
                 Some(_) => {}
@@ -96,7 +96,7 @@ impl<'a> Beside<'a> {
         all.max_by(|a, b| self.tried[*a].evidence.total_cmp(&self.tried[*b].evidence))
     }
 
-    fn told(&self, own: usize) -> Change {
+    fn change(&self, own: usize) -> Change {
         let best = &self.tried[own];
         let weight = |k: usize| match &self.tried[k] {
             t if t.rank > 0 => libm::exp(t.evidence - best.evidence),

@@ -9,9 +9,9 @@ use super::settings::NEW_SHARE;
 use crate::dataset::Dataset;
 use crate::dense::{Cholesky, Mat, dot, solve_lower};
 use crate::error::{IdentError, Result};
-use crate::fit::check_observations;
+use crate::fit::residuals::check_observations;
 use crate::model_file::Uncertainty;
-use crate::predicted::covariance;
+use crate::validate::predicted::covariance;
 
 /// Residuals and columns that are independent, with standard deviation 1.
 pub(super) struct Whitened<'a> {

@@ -3,7 +3,7 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use trical_ident::identifiability::independent_terms;
+use trical_ident::fit::identifiability::independent_terms;
 use trical_ident::{Choice, Dataset, JointSource, ParameterSet};
 use trical_model::{Cell, Forward, MAX_JOINTS, Measured, Model, Pose, Recording, Robot, Row, Site, State, Term};
 

@@ -2,12 +2,12 @@
 //! which the controller, which knows the nominal arm only, is brought to those joints.
 
 mod arms;
+mod nominal_joints;
 mod rewrite;
-mod starts;
 mod unnamed;
 
 pub use arms::Compensator;
 pub(crate) use arms::{by_measured_torque, eventful};
+pub use nominal_joints::{MOST_RELATIVE, Shifted, Start};
 pub use rewrite::Done;
-pub use starts::{MOST_RELATIVE, Shifted, Start};
 pub use unnamed::settle_unnamed;

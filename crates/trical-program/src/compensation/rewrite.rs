@@ -5,7 +5,7 @@ use trical_model::pose::rotation_vector;
 use trical_model::{Forward, Joints, Pose, State, Workspace};
 
 use super::arms::Compensator;
-use super::starts::Start;
+use super::nominal_joints::Start;
 use crate::literal::{MOST, Meant};
 use crate::scan::Spot;
 use crate::text::{Span, written, written_whole};

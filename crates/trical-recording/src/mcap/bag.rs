@@ -11,8 +11,8 @@ use trical_model::recording::{Joints, MAX_JOINTS, Measured, Recording, Row, Stat
 use trical_model::urdf;
 
 use super::cdr::{JointState, Stamped, StampedKind, string_from_cdr};
+use super::records::{RawFile, RawMessage};
 use super::schema;
-use super::walk::{RawFile, RawMessage};
 use crate::error::RecordError;
 use crate::expected::Expected;
 use crate::motion::MotionSense;
@@ -40,11 +40,11 @@ pub(super) fn is_bag(raw: &RawFile) -> bool {
     !ours && raw.channels.values().any(|c| kind_of(c).is_some() || is_joint_states(c))
 }
 
-fn is_joint_states(channel: &super::walk::RawChannel) -> bool {
+fn is_joint_states(channel: &super::records::RawChannel) -> bool {
     channel.schema.as_ref().is_some_and(|s| s.name == JOINT_STATE)
 }
 
-fn kind_of(channel: &super::walk::RawChannel) -> Option<StampedKind> {
+fn kind_of(channel: &super::records::RawChannel) -> Option<StampedKind> {
     StampedKind::of(&channel.schema.as_ref()?.name)
 }
 
@@ -153,9 +153,9 @@ fn topic_of_measurements<'a>(
         Some((topic, child)) => (Some(topic), Some(child)),
         None => (Some(t), None),
     });
-    let is_tree = |c: &super::walk::RawChannel| kind_of(c) == Some(StampedKind::Tree);
+    let is_tree = |c: &super::records::RawChannel| kind_of(c) == Some(StampedKind::Tree);
     let only_trees = !raw.channels.values().any(|c| kind_of(c).is_some() && !is_tree(c));
-    let fits = |c: &super::walk::RawChannel| kind_of(c).is_some() && (topic.is_some() || only_trees || !is_tree(c));
+    let fits = |c: &super::records::RawChannel| kind_of(c).is_some() && (topic.is_some() || only_trees || !is_tree(c));
     let default = only_trees.then_some(TREE).filter(|t| raw.channels.values().any(|c| c.topic == *t));
     let seen_on = one_topic(raw, topic.or(default), &fits).map_err(|found| {
         let example = found.first().map_or(String::new(), |t| format!("; name one of them, as in {name}#{t}"));
@@ -167,7 +167,7 @@ fn topic_of_measurements<'a>(
 
 /// What a bag without measurements has instead.
 fn others(raw: &RawFile) -> String {
-    let named = |c: &super::walk::RawChannel| Some((c.schema.as_ref()?.name.clone(), c.topic.clone()));
+    let named = |c: &super::records::RawChannel| Some((c.schema.as_ref()?.name.clone(), c.topic.clone()));
     let own = |(name, _): &(String, String)| ![schema::STRING_NAME, JOINT_STATE].contains(&name.as_str());
     let found: BTreeSet<(String, String)> = raw.channels.values().filter_map(named).filter(own).collect();
     let found: Vec<String> = found.into_iter().take(6).map(|(name, topic)| format!("{name} on {topic}")).collect();
@@ -210,7 +210,7 @@ fn several(found: &[String], what: &str, usual: &str) -> String {
 fn one_topic(
     raw: &RawFile,
     asked: Option<&str>,
-    fits: &dyn Fn(&super::walk::RawChannel) -> bool,
+    fits: &dyn Fn(&super::records::RawChannel) -> bool,
 ) -> Result<String, Vec<String>> {
     let mut found: Vec<String> =
         raw.channels.values().filter(|c| c.encoding == "cdr" && fits(c)).map(|c| c.topic.clone()).collect();

@@ -8,8 +8,8 @@ mod bag;
 pub mod cdr;
 mod lock;
 mod read;
+mod records;
 pub mod schema;
-mod walk;
 mod write;
 
 use std::collections::{BTreeMap, BTreeSet};

@@ -10,7 +10,7 @@ use trical_model::recording::{MAX_JOINTS, Recording, Row};
 
 use super::bag;
 use super::cdr::JointState;
-use super::walk::{Channels, MAGIC, RawFile, RawMessage, walk, walk_pieces};
+use super::records::{Channels, MAGIC, RawFile, RawMessage, read_in_pieces, read_records};
 use super::{IndicatorSample, ReadRecording, schema};
 use crate::columns::{Field, Unit, column};
 use crate::error::RecordError;
@@ -76,7 +76,7 @@ pub(super) fn read_raw(path: &Path) -> Result<RawFile, RecordError> {
 
 fn raw_of(path: &Path, bytes: &[u8], only_read: bool) -> Result<RawFile, RecordError> {
     let Some(body) = bytes.strip_prefix(&MAGIC) else { return Err(not_mcap(path, bytes)) };
-    walk(body, only_read).map_err(|problem| RecordError::Unreadable { path: path.to_owned(), problem })
+    read_records(body, only_read).map_err(|problem| RecordError::Unreadable { path: path.to_owned(), problem })
 }
 
 /// What stands where the magic bytes should.
@@ -173,7 +173,7 @@ pub fn each_row(path: &Path, take: &mut dyn FnMut(Row) -> Result<(), RecordError
         }
         if let Said::Row(row) = said { take(*row) } else { Ok(()) }
     };
-    walk_pieces(&mut file, &mut each, &unreadable, &io)?;
+    read_in_pieces(&mut file, &mut each, &unreadable, &io)?;
     Ok(reader.shared())
 }
 

@@ -11,7 +11,7 @@ use trical_model::recording::{Recording, Row};
 use super::cdr::{self, JointState};
 use super::lock::{Locked, begin_beside, is_at, lock_existing, temporary_beside};
 use super::read::{interpret, read_raw};
-use super::walk::{RawFile, RawMessage};
+use super::records::{RawFile, RawMessage};
 use super::{Header, ReadRecording, RunLog, schema};
 use crate::error::RecordError;
 use crate::json;

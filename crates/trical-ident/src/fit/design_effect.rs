@@ -16,12 +16,12 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use trical_model::Forward;
 
-use crate::degenerate::resting_joints;
 use crate::dense::{Cholesky, Mat, dot, solve_lower};
 use crate::error::Result;
-use crate::fit::weighted_residuals;
-use crate::folds::Folds;
-use crate::identify::Identified;
+use crate::fit::degenerate::resting_joints;
+use crate::fit::folds::Folds;
+use crate::fit::identify::Identified;
+use crate::fit::residuals::weighted_residuals;
 
 /// Intervals of the time of a recording.
 const INTERVALS: usize = 16;

@@ -4,10 +4,10 @@ use trical_model::{Cell, Recording, Robot};
 
 use crate::dataset::{Dataset, JointSource};
 use crate::error::Result;
-use crate::follow::refuse_stuck_stems;
-use crate::gross::reject_gross_errors;
-use crate::identifiability::ParameterSet;
-use crate::identify::identify;
+use crate::fit::gross_errors::reject_gross_errors;
+use crate::fit::identifiability::ParameterSet;
+use crate::fit::identify::identify;
+use crate::fit::stuck_stems::refuse_stuck_stems;
 use crate::rigid::median;
 
 /// Whether every row says what was commanded.

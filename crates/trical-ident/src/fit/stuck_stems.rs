@@ -5,10 +5,10 @@ use trical_model::touch::reading_at;
 use trical_model::{Cell, Measured, Robot};
 
 use crate::dataset::Dataset;
+use crate::dataset::sample::sample;
 use crate::error::{IdentError, Result};
-use crate::gross::robust_fit_of_the_richest;
+use crate::fit::gross_errors::robust_fit_of_the_richest;
 use crate::rigid::median;
-use crate::sample::sample;
 
 /// With fewer touches two indicators alone do not determine an arm.
 const FEWEST: usize = 30;

@@ -4,27 +4,27 @@ use std::borrow::Cow;
 
 use trical_model::{Cell, Forward, Measured, Model, Robot, State};
 
-use crate::ball_places;
-use crate::caution::beyond_limits;
 use crate::dataset::Dataset;
-use crate::degenerate::{
-    check_balls, check_poses, check_units, check_values, different_numbers, different_poses, resting_joints,
-};
+use crate::dataset::sample::sample;
 use crate::dense::{Cholesky, Mat};
 use crate::error::{IdentError, Result};
-use crate::fit::{check_count, check_observations, position_errors, weighted_residuals};
-use crate::identifiability::{
+use crate::fit::ball_places;
+use crate::fit::cautions::beyond_limits;
+use crate::fit::degenerate::{
+    check_balls, check_poses, check_units, check_values, different_numbers, different_poses, resting_joints,
+};
+use crate::fit::identifiability::{
     Choice, Dependent, Observability, covariance, independent_terms, indices, optional_groups, r_factor,
     weakest_direction,
 };
-use crate::initial_guess::initial_guess;
-use crate::known::Known;
-use crate::noise::Noise;
-use crate::normal::triangular;
+use crate::fit::initial_guess::initial_guess;
+use crate::fit::levenberg_marquardt::{Ended, Factored, LmParams, LmReport, Solver};
+use crate::fit::noise::Noise;
+use crate::fit::normal_equations::triangular;
+use crate::fit::priors::PriorKnowledge;
+use crate::fit::residuals::{check_count, check_observations, position_errors, weighted_residuals};
+use crate::fit::weak_priors::{by_prior, no_softer, plausible, wanders, with_priors};
 use crate::rigid::median;
-use crate::sample::sample;
-use crate::solver::{Ended, Factored, LmParams, LmReport, Solver};
-use crate::weak::{by_prior, no_softer, plausible, wanders, with_priors};
 
 /// Columns with a condition above this cannot be told apart by the data.
 const CONDITION_LIMIT: f64 = 1e9;
@@ -51,7 +51,7 @@ pub struct Identified {
     /// Parameters that could not be told from others, and those.
     pub dependent: Vec<Dependent>,
     /// What was known of the free terms beforehand, in their order (nothing beyond its end), weak priors included.
-    pub known: Vec<Known>,
+    pub known: Vec<PriorKnowledge>,
     /// Indices of those terms that the measurements say so little of that they were kept near nominal.
     pub weak: Vec<usize>,
     /// How the iteration went.
@@ -205,7 +205,7 @@ pub fn fit_model_knowing(
     model: Model,
     data: &Dataset,
     start_noise: &Noise,
-    known: &[Known],
+    known: &[PriorKnowledge],
     dependent: Vec<Dependent>,
 ) -> Result<Identified> {
     let free = (0..model.terms.len()).collect();
@@ -222,7 +222,7 @@ pub fn fit_some(
     free: Vec<usize>,
     data: &Dataset,
     start_noise: &Noise,
-    known: &[Known],
+    known: &[PriorKnowledge],
     dependent: Vec<Dependent>,
     params: &LmParams,
 ) -> Result<Identified> {
@@ -264,7 +264,7 @@ pub fn fit_some(
 
 /// Brings the coefficients to where a sample of the data has them, so that all of the data is asked twice and not five times.
 /// A sample that does not tell the parameters apart leaves them where they are.
-fn near(solver: &mut Solver, forward: &mut Forward, sample: &Dataset, noise: &Noise, known: &[Known]) {
+fn near(solver: &mut Solver, forward: &mut Forward, sample: &Dataset, noise: &Noise, known: &[PriorKnowledge]) {
     let begin = forward.coefficients();
     let fitted = solver.minimize(forward, sample, noise, known, &LmParams::default());
     let good = fitted.is_ok_and(|report| !matches!(report.ended, Ended::Iterations | Ended::Stuck))
@@ -275,7 +275,7 @@ fn near(solver: &mut Solver, forward: &mut Forward, sample: &Dataset, noise: &No
 }
 
 /// The factor of `J` where `solver` ended.
-fn factor_of(solver: &Solver, forward: &Forward, data: &Dataset, noise: &Noise, known: &[Known]) -> Factored {
+fn factor_of(solver: &Solver, forward: &Forward, data: &Dataset, noise: &Noise, known: &[PriorKnowledge]) -> Factored {
     solver.factor().unwrap_or_else(|| Factored::of(r_factor(forward, data, noise, known)))
 }
 
@@ -489,12 +489,13 @@ pub fn fit_near_nominal(
     data: &Dataset,
     all: &Dataset,
     noise: &Noise,
-    known: &[Known],
+    known: &[PriorKnowledge],
     dependent: Vec<Dependent>,
     params: &LmParams,
 ) -> Result<Identified> {
     let free: Vec<usize> = (0..model.terms.len()).collect();
-    let fit = |known: &[Known]| fit_some(model.clone(), free.clone(), data, noise, known, dependent.clone(), params);
+    let fit =
+        |known: &[PriorKnowledge]| fit_some(model.clone(), free.clone(), data, noise, known, dependent.clone(), params);
     let found = fit(known);
     if !ball_places::unknown_places(&model.cell, data).is_empty() {
         return found;
@@ -526,7 +527,7 @@ pub fn fit_near_nominal(
 pub(crate) fn refit(model: Model, free: Vec<usize>, data: &Dataset) -> Result<Forward> {
     let (noise, params) = manner(&model, data);
     let usual = ball_places::usual(&model, data);
-    let known: Vec<Known> = free.iter().filter_map(|k| usual.get(*k).copied()).collect();
+    let known: Vec<PriorKnowledge> = free.iter().filter_map(|k| usual.get(*k).copied()).collect();
     let mut forward = Forward::new(model, free)?;
     check_observations(&forward, data)?;
     Solver::new(forward.free().len()).minimize(&mut forward, data, &noise, &known, &params)?;
@@ -556,7 +557,7 @@ pub fn manner(model: &Model, data: &Dataset) -> (Noise, LmParams) {
 }
 
 /// What is known of the model's terms beforehand: what the user says, and, where places of balls are unknown, what is usual.
-pub(crate) fn known(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<Known>> {
+pub(crate) fn known(model: &Model, data: &Dataset, choice: &Choice) -> Result<Vec<PriorKnowledge>> {
     let said = choice.known().of(model)?;
     let usual = ball_places::usual(model, data);
     Ok(if usual.is_empty() {

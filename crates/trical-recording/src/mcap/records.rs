@@ -72,7 +72,7 @@ const LARGEST_CHUNK: u64 = 1 << 27;
 ///
 /// # Errors
 /// A compression that is not known.
-pub(super) fn walk(body: &[u8], only_read: bool) -> Result<RawFile, String> {
+pub(super) fn read_records(body: &[u8], only_read: bool) -> Result<RawFile, String> {
     let mut file = RawFile { only_read, ..RawFile::default() };
     let mut at = MAGIC.len();
     let mut rest = body;
@@ -125,12 +125,12 @@ pub(super) fn walk(body: &[u8], only_read: bool) -> Result<RawFile, String> {
     Ok(file)
 }
 
-/// As [`walk`], of a file that is read piece by piece, and hands out messages as they come instead of keeping them. Attachments are
+/// As [`read_records`], of a file that is read piece by piece, and hands out messages as they come instead of keeping them. Attachments are
 /// passed over. A file that is not whole is refused.
 ///
 /// # Errors
 /// What `each` returns, what the operating system says, and what is wrong with the file, each with the way to say it.
-pub(super) fn walk_pieces<E>(
+pub(super) fn read_in_pieces<E>(
     reader: &mut dyn Read,
     each: &mut dyn FnMut(&Channels, RawMessage) -> Result<(), E>,
     unreadable: &dyn Fn(String) -> E,
@@ -411,7 +411,7 @@ mod tests {
     proptest! {
         #[test]
         fn random_bytes_never_panic(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
-            let _ = walk(&bytes, true);
+            let _ = read_records(&bytes, true);
         }
 
         #[test]
@@ -419,7 +419,7 @@ mod tests {
             let mut bytes = vec![opcode];
             bytes.extend((content.len() as u64).to_le_bytes());
             bytes.extend(content);
-            let _ = walk(&bytes, true);
+            let _ = read_records(&bytes, true);
         }
     }
 }

@@ -3,15 +3,15 @@
 use serde::Serialize;
 use trical_model::{Cell, Forward, Robot, Task};
 
-use crate::adapted::score_session;
-use crate::ball_places::{self, place_of, unknown_places};
-use crate::by_place::{ByPlace, score_places};
+use crate::calibration::by_place::{ByPlace, score_places};
 use crate::dataset::{Dataset, Observation};
 use crate::error::{IdentError, Result};
-use crate::fit::position_errors;
-use crate::folds::{FOLDS, Folds};
-use crate::identifiability::Choice;
-use crate::identify::{ErrorSummary, Fit, identify};
+use crate::fit::ball_places::{self, place_of, unknown_places};
+use crate::fit::folds::{FOLDS, Folds};
+use crate::fit::identifiability::Choice;
+use crate::fit::identify::{ErrorSummary, Fit, identify};
+use crate::fit::residuals::position_errors;
+use crate::validate::adapted::score_session;
 
 /// Share of each session's poses that is predicted by a fit to those before, percent.
 const LAST: usize = 25;

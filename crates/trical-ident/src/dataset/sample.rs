@@ -85,7 +85,7 @@ mod tests {
         Dataset {
             places: Vec::new(),
             names: vec!["a".into()],
-            fingerprints: vec![crate::repeated::Fingerprint::default()],
+            fingerprints: vec![crate::dataset::repeated::Fingerprint::default()],
             observations: (1..=count).map(observation).collect(),
             rejected: Vec::new(),
             poses: count,

@@ -2,7 +2,7 @@
 //!
 //! Normal equations are accumulated block by block, so memory does not grow with the rows; columns are scaled to unit length
 //! before the Cholesky factorization, which keeps the digits (what is reported, rank and covariance, comes from a QR
-//! factorization of J itself unless J is far from losing rank, see [`crate::identifiability`]).
+//! factorization of J itself unless J is far from losing rank, see [`crate::fit::identifiability`]).
 //!
 //! Limits are kept by an active set: a coefficient at a limit that the gradient would push beyond it is held there for the step,
 //! one that the step would carry beyond a limit goes to it, and the others step with a view to that.
@@ -12,11 +12,11 @@ use trical_model::Forward;
 use crate::dataset::Dataset;
 use crate::dense::{Cholesky, Mat};
 use crate::error::{IdentError, Result};
-use crate::fit::{check_count, check_observations, evaluate};
-use crate::identifiability::{is_well_conditioned, spectrum};
-use crate::known::Known;
-use crate::noise::Noise;
-use crate::normal::{Keep, Rows};
+use crate::fit::identifiability::{is_well_conditioned, spectrum};
+use crate::fit::noise::Noise;
+use crate::fit::normal_equations::{Keep, Rows};
+use crate::fit::priors::PriorKnowledge;
+use crate::fit::residuals::{check_count, check_observations, evaluate};
 
 /// Damping at the start (columns have unit length): small, since starts from closed forms are good, and Newton's steps are fast.
 const LAMBDA: f64 = 1e-8;
@@ -196,7 +196,7 @@ impl Solver {
     }
 
     /// The step from `x` at damping `lambda` into `rhs` (scaled), within the limits; false where the matrix is not positive.
-    fn step(&mut self, lambda: f64, x: &[f64], known: &[Known]) -> bool {
+    fn step(&mut self, lambda: f64, x: &[f64], known: &[PriorKnowledge]) -> bool {
         for ((target, at_limit), x) in self.target.iter_mut().zip(&self.at_limit).zip(x) {
             *target = at_limit.then_some(*x);
         }
@@ -251,12 +251,12 @@ impl Solver {
         forward: &mut Forward,
         data: &Dataset,
         noise: &Noise,
-        known: &[Known],
+        known: &[PriorKnowledge],
         params: &LmParams,
     ) -> Result<LmReport> {
         let p = forward.free().len();
         let scalars = check_count(data, p, known)?;
-        let limited = known.iter().any(|k| k.limits != Known::UNLIMITED);
+        let limited = known.iter().any(|k| k.limits != PriorKnowledge::UNLIMITED);
         let mut x = forward.coefficients();
         if limited {
             for (x, k) in x.iter_mut().zip(known) {
@@ -373,7 +373,7 @@ impl Solver {
     }
 
     /// Finds the coefficients at a limit beyond which the cost would fall.
-    fn hold(&mut self, x: &[f64], known: &[Known]) {
+    fn hold(&mut self, x: &[f64], known: &[PriorKnowledge]) {
         for (j, (x, k)) in x.iter().zip(known).enumerate() {
             let g = self.at.g(j);
             self.at_limit[j] = (*x <= k.limits[0] && g > 0.0) || (*x >= k.limits[1] && g < 0.0);

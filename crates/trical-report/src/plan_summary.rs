@@ -8,12 +8,12 @@ use trical_ident::{Shown, shown};
 use trical_model::Model;
 use trical_plan::{Plan, PlanOptions, PredictedError, Rejected};
 
-use crate::blindness::{self, Lacking, Seen};
+use crate::detectability::{self, Lacking, Seen};
 use crate::error::Result;
 use crate::table::{self, counted, plural, two_digits};
 
 /// A plan and all that can be said of it.
-pub struct Told {
+pub struct PlanSummary {
     /// The plan.
     pub plan: Plan,
     /// What it was made with.
@@ -28,7 +28,7 @@ pub struct Told {
     pub balls: usize,
 }
 
-impl Told {
+impl PlanSummary {
     /// `model` has the terms to identify.
     pub fn new(model: &Model, plan: Plan, options: PlanOptions) -> Result<Self> {
         let mut known = model.clone();
@@ -41,7 +41,7 @@ impl Told {
         // with fewer numbers than parameters everything is taken up by them
         let determined = plan.expected.sd.iter().all(|s| s.is_finite());
         let (seen, lacking) = if determined {
-            blindness::seen(&known, &plan.entries, options.noise_m)?
+            detectability::seen(&known, &plan.entries, options.noise_m)?
         } else {
             (Vec::new(), Vec::new())
         };
@@ -99,7 +99,7 @@ impl Told {
             },
             "senses": e.senses,
             "travel_rad": e.travel_rad,
-            "blind_to": blindness::blind_json(&self.seen, &self.lacking),
+            "blind_to": detectability::blind_json(&self.seen, &self.lacking),
         })
     }
 
@@ -145,7 +145,7 @@ impl Told {
                 |p| format!("  {name}: mean {:.3}, at the worst pose {:.3} rms", p.mean_m * 1e3, p.worst_rms_m * 1e3),
             ));
         }
-        let advice = blindness::advice(&self.seen);
+        let advice = detectability::advice(&self.seen);
         if !advice.is_empty() {
             out.push(
                 "Effects that this plan would not show, with lambda: their typical size in standard deviations of the noise (3 is just visible):".into(),

@@ -4,9 +4,10 @@ use std::collections::BTreeSet;
 
 use trical_diagnose::verdict::{IF_NOT, MOST_NAMED_IN_REST};
 use trical_diagnose::{Diagnosis, EffectId, Finding, RowKind, VerdictRow};
+use trical_ident::JointSource;
 use trical_ident::compare::capital;
-use trical_ident::identify::ErrorSummary;
-use trical_ident::{JointSource, caution};
+use trical_ident::fit::cautions;
+use trical_ident::fit::identify::ErrorSummary;
 
 use trical_ident::model_file::moved;
 use trical_model::{Measured, Model, Scope, Site, Term};
@@ -103,12 +104,12 @@ fn set_up(plain: &Model) -> Option<String> {
     ];
     let there: Vec<String> = kinds.iter().filter(|(_, n)| *n > 0).map(|(name, _)| (*name).to_owned()).collect();
     let count: usize = kinds.iter().map(|(_, n)| n).sum();
-    (count > 0).then(|| format!("and {count} of {}", caution::listed(&there, "and")))
+    (count > 0).then(|| format!("and {count} of {}", cautions::listed(&there, "and")))
 }
 
 /// The rows of a verdict that are told, with so many decimals.
 #[must_use]
-pub fn told(d: &Diagnosis, mut rows: Vec<VerdictRow>) -> (Vec<VerdictRow>, usize) {
+pub fn rows_with_decimals(d: &Diagnosis, mut rows: Vec<VerdictRow>) -> (Vec<VerdictRow>, usize) {
     let decimals = decimals(d);
     rows.retain(|r| shows(r, decimals));
     let mut rows: Vec<VerdictRow> = rows.into_iter().map(|r| as_told(r, decimals)).collect();
@@ -166,7 +167,7 @@ pub fn no_arm(d: &Diagnosis) -> Vec<String> {
         // of the summary only the mean is asked for, whatever the unit
         ErrorSummary::of(&each).mean_mm * 1e-3_f64.to_degrees()
     });
-    caution::no_arm(d.baseline.holdout_rms_mm, deg).iter().map(|c| table::ended(c)).collect()
+    cautions::no_arm(d.baseline.holdout_rms_mm, deg).iter().map(|c| table::ended(c)).collect()
 }
 
 /// What to do where causes were found, and none of them is sure.
@@ -202,15 +203,15 @@ pub fn notes(d: &Diagnosis) -> Vec<String> {
 #[must_use]
 pub fn cautions(d: &Diagnosis) -> Vec<String> {
     let named = d.findings.iter().any(Finding::is_likely);
-    let much = (!named).then(|| caution::much_left(&d.model.robot, d.after.holdout_rms_mm)).flatten();
-    let which = caution::which_target(&d.data, d.model.cell.tool.targets.len());
+    let much = (!named).then(|| cautions::much_left(&d.model.robot, d.after.holdout_rms_mm)).flatten();
+    let which = cautions::which_target(&d.data, d.model.cell.tool.targets.len());
     let all = much
         .into_iter()
         .chain(none_sure(d).map(str::to_owned))
         .chain(which)
         .chain(d.cautions.iter().cloned())
-        .chain(caution::beyond_limits(&d.model.robot, &d.data))
-        .chain(caution::odd_units(&d.model.robot));
+        .chain(cautions::beyond_limits(&d.model.robot, &d.data))
+        .chain(cautions::odd_units(&d.model.robot));
     all.map(|c| table::ended(&c)).collect()
 }
 
@@ -265,7 +266,7 @@ pub fn lines(d: &Diagnosis) -> Vec<String> {
     );
     let elsewhere = elsewhere(d);
     let table = |claims: usize, named: usize| -> Vec<String> {
-        let (mut rows, decimals) = told(d, d.verdict.shortened(claims, named));
+        let (mut rows, decimals) = rows_with_decimals(d, d.verdict.shortened(claims, named));
         if let (Some(whole), Some(said)) = (rows.last_mut(), &elsewhere) {
             whole.text += &format!("; {said}");
         }
@@ -283,7 +284,7 @@ pub fn lines(d: &Diagnosis) -> Vec<String> {
 ///
 /// # Errors
 /// If it cannot be written as JSON.
-pub fn answer(d: &Diagnosis, source: JointSource) -> Result<serde_json::Value> {
+pub fn json(d: &Diagnosis, source: JointSource) -> Result<serde_json::Value> {
     let mut value = serde_json::to_value(d)?;
     value["recordings"] = serde_json::to_value(&d.data.names)?;
     value["cautions"] = serde_json::to_value([no_arm(d), cautions(d)].concat())?;

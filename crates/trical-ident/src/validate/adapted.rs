@@ -4,15 +4,15 @@ use trical_model::{
     Axis, Basis, Cell, Forward, Measured, Model, Motion, Payload, Pose, Recording, Scope, Shape, Site, Term, Tool,
 };
 
-use crate::ball_places::{self, training_poses};
+use crate::dataset::references::References;
+use crate::dataset::repeated::Fingerprint;
 use crate::dataset::{Dataset, JointSource, told_of_tool};
 use crate::error::Result;
-use crate::fit::position_errors;
-use crate::identify::refit;
-use crate::initial_guess::initial_guess_of_sessions;
+use crate::fit::ball_places::{self, training_poses};
+use crate::fit::identify::refit;
+use crate::fit::initial_guess::initial_guess_of_sessions;
+use crate::fit::residuals::position_errors;
 use crate::model_file::ModelFile;
-use crate::references::References;
-use crate::repeated::Fingerprint;
 
 /// What is identified again for an instrument that was set up anew.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -142,7 +142,7 @@ pub(crate) fn adapted(
     }
     data.references.resize(model.frames.len(), References::default());
     // before a frame is looked for by what the cell may not have
-    crate::fit::check_observations(&Forward::new(model.clone(), Vec::new())?, &data)?;
+    crate::fit::residuals::check_observations(&Forward::new(model.clone(), Vec::new())?, &data)?;
     Ok(Adapted { model, data, places, left_out, carried_over, known, joints })
 }
 

@@ -6,9 +6,9 @@ use trical_model::{Forward, Workspace};
 use crate::dataset::{Dataset, Observation, rejected_in_words};
 use crate::dense::Mat;
 use crate::error::{IdentError, Result};
-use crate::known::Known;
-use crate::noise::Noise;
-use crate::normal::{CHUNK, Keep, Rows};
+use crate::fit::noise::Noise;
+use crate::fit::normal_equations::{CHUNK, Keep, Rows};
+use crate::fit::priors::PriorKnowledge;
 
 /// Checks that every observation can be predicted.
 ///
@@ -25,7 +25,7 @@ pub fn check_observations(forward: &Forward, data: &Dataset) -> Result<()> {
 ///
 /// # Errors
 /// Fewer than the `p` parameters that are to be identified, with what priors add.
-pub fn check_count(data: &Dataset, p: usize, known: &[Known]) -> Result<usize> {
+pub fn check_count(data: &Dataset, p: usize, known: &[PriorKnowledge]) -> Result<usize> {
     let scalars = data.scalars();
     if scalars + known.iter().filter(|k| k.prior.is_some()).count() < p {
         return Err(IdentError::NotEnough(format!(
@@ -43,7 +43,7 @@ pub(crate) fn evaluate(
     forward: &Forward,
     data: &Dataset,
     noise: &Noise,
-    known: &[Known],
+    known: &[PriorKnowledge],
     limit: f64,
     total: &mut Rows,
 ) {
@@ -82,7 +82,7 @@ fn sum_rows(forward: &Forward, observations: &[Observation], noise: &Noise, limi
     }
 }
 
-fn add_priors(forward: &Forward, known: &[Known], total: &mut Rows) {
+fn add_priors(forward: &Forward, known: &[PriorKnowledge], total: &mut Rows) {
     for (k, (known, term)) in known.iter().zip(forward.free()).enumerate() {
         if let Some(prior) = known.prior {
             let value = forward.model().terms[*term].value;
@@ -92,7 +92,7 @@ fn add_priors(forward: &Forward, known: &[Known], total: &mut Rows) {
 }
 
 /// The factor `R` of the weighted `[J r]`, the residual as the last column, accumulated block by block.
-pub(crate) fn factor(forward: &Forward, data: &Dataset, noise: &Noise, known: &[Known]) -> Mat {
+pub(crate) fn factor(forward: &Forward, data: &Dataset, noise: &Noise, known: &[PriorKnowledge]) -> Mat {
     let mut total = Rows::new(forward.free().len(), Keep::Factor);
     sum_rows(forward, &data.observations, noise, f64::INFINITY, &mut total);
     add_priors(forward, known, &mut total);

@@ -5,7 +5,7 @@ use trical_model::{Forward, Workspace};
 
 use crate::dataset::Observation;
 use crate::dense::{Cholesky, Mat, View, add_rows, solve_lower};
-use crate::noise::Noise;
+use crate::fit::noise::Noise;
 
 /// Rows of a block: a calibration by touches fits into one.
 const BLOCK: usize = 192;

@@ -16,17 +16,17 @@ use trical_model::{Cell, Forward, Joints, Measured, Model, Robot, Workspace};
 use trical_recording::CsvStream;
 use trical_recording::stream::BlockRows;
 
+use crate::dataset::references::{References, Seen, move_by};
 use crate::dataset::{Dataset, Observation, Rejected};
 use crate::dense::Mat;
 use crate::error::{IdentError, Result};
-use crate::fit::{length, weighted};
-use crate::gross::{GROSS, gross_error, right_ball, robust_fit_of_the_richest};
-use crate::identifiability::{Choice, ParameterSet, WELL_CONDITIONED, covariance, indices, is_well_conditioned};
-use crate::identify::{ErrorSummary, Identified, identify, rank_deficient, tells_apart};
-use crate::noise::{Noise, Squares};
-use crate::normal::{Keep, Rows};
-use crate::references::{References, Seen, move_by};
-use crate::solver::{Ended, Factored, LmReport};
+use crate::fit::gross_errors::{GROSS, gross_error, right_ball, robust_fit_of_the_richest};
+use crate::fit::identifiability::{Choice, ParameterSet, WELL_CONDITIONED, covariance, indices, is_well_conditioned};
+use crate::fit::identify::{ErrorSummary, Identified, identify, rank_deficient, tells_apart};
+use crate::fit::levenberg_marquardt::{Ended, Factored, LmReport};
+use crate::fit::noise::{Noise, Squares};
+use crate::fit::normal_equations::{Keep, Rows};
+use crate::fit::residuals::{length, weighted};
 
 /// Rejected rows that are named; the rest is counted.
 const NAMED: usize = 1000;
@@ -228,7 +228,7 @@ pub fn identify_stream(
     let nominal = identify(robot, cell, data, ParameterSet::Nominal)?;
     let robust = if keep_outliers { None } else { Some(robust_fit_of_the_richest(robot, cell, data)?) };
     let before = Forward::new(nominal.model, Vec::new())?;
-    let before_of_sample = crate::fit::position_errors(&before, data);
+    let before_of_sample = crate::fit::residuals::position_errors(&before, data);
     let p = start.free.len();
     let mut fit = Forward::new(start.model.clone(), start.free.clone())?;
     let mut noise = start.noise.clone();
@@ -264,7 +264,8 @@ pub fn identify_stream(
         let one_group = updated.update_from(&sums.squares, p).is_some();
         if estimate.step_in_sd() < SMALL && (one_group || pass > 2) {
             let identified = estimate.identified(start, fit.into_model(), updated, pass);
-            let after = crate::fit::position_errors(&Forward::new(identified.model.clone(), Vec::new())?, data);
+            let after =
+                crate::fit::residuals::position_errors(&Forward::new(identified.model.clone(), Vec::new())?, data);
             return Ok(Streamed {
                 identified,
                 observations: sums.count,

@@ -2,14 +2,14 @@
 
 use trical_model::{Cell, Forward, Measured, Robot, Workspace};
 
+use crate::dataset::sample::sample;
 use crate::dataset::{Dataset, Observation};
 use crate::error::{IdentError, Result};
-use crate::fit::{check_observations, length, weighted, weighted_residuals};
-use crate::identifiability::{Choice, OwnSetup, ParameterSet};
-use crate::identify::{manner, prepared};
-use crate::noise::Noise;
-use crate::sample::sample;
-use crate::solver::{LmParams, Solver};
+use crate::fit::identifiability::{Choice, OwnSetup, ParameterSet};
+use crate::fit::identify::{manner, prepared};
+use crate::fit::levenberg_marquardt::{LmParams, Solver};
+use crate::fit::noise::Noise;
+use crate::fit::residuals::{check_observations, length, weighted, weighted_residuals};
 
 /// A measurement this many robust standard deviations off (as the length of its weighted residual) is a gross error: with
 /// three scalars and honest noise not one in a million is beyond six, and what a model lacks adds to that.
@@ -140,7 +140,7 @@ fn robust_fit(robot: &Robot, cell: &Cell, data: &Dataset, set: ParameterSet) -> 
     // a tool that was mounted, or balls that were put down, otherwise in another session are no gross errors
     let own = OwnSetup::all(data.names.len());
     let (model, _) = prepared(robot, cell, data, &Choice::from(set).with_own(own))?;
-    let known = crate::ball_places::usual(&model, data);
+    let known = crate::fit::ball_places::usual(&model, data);
     let scalars = data.scalars();
     let unknown = model.terms.len() - known.iter().filter(|k| k.prior.is_some()).count();
     if set != ParameterSet::Nominal && scalars < FOR_EACH * unknown {

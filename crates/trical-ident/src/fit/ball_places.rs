@@ -13,7 +13,7 @@ use trical_model::{
 };
 
 use crate::dataset::{Dataset, Observation};
-use crate::known::Known;
+use crate::fit::priors::PriorKnowledge;
 use crate::rigid::{median_point, robust_rigid_from_points};
 
 /// What is usual of an arm before it is measured: standard deviations of lengths (m), of twists and of joint zeros (rad), of compliance
@@ -191,7 +191,7 @@ pub fn terms(cell: &Cell, data: &Dataset, place: BallPlace) -> Vec<Term> {
 
 /// What is usual of each of the model's terms, in their order, where places are unknown and so few that touches may leave something open.
 /// Empty where no place is unknown.
-pub(crate) fn usual(model: &Model, data: &Dataset) -> Vec<Known> {
+pub(crate) fn usual(model: &Model, data: &Dataset) -> Vec<PriorKnowledge> {
     if unknown_places(&model.cell, data).is_empty() {
         return Vec::new();
     }
@@ -204,7 +204,7 @@ pub(crate) fn usual(model: &Model, data: &Dataset) -> Vec<Known> {
         (Site::Ball { .. }, "place") => Some(PRINTED),
         _ => None,
     };
-    model.terms.iter().map(|t| sd(t).map_or(Known::NOTHING, Known::about_zero)).collect()
+    model.terms.iter().map(|t| sd(t).map_or(PriorKnowledge::NOTHING, PriorKnowledge::about_zero)).collect()
 }
 
 /// Touches at one place, as closed forms see them.

@@ -6,9 +6,9 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use trical_model::pose::{angles_zyx, quaternion_from_rotation, rotation_from_quaternion, rotation_zyx};
 use trical_model::{Cell, Forward, Joint, JointKind, MAX_JOINTS, Measured, Model, Robot};
 
-use crate::ball_places::touched;
 use crate::dataset::{Dataset, Observation, rejected_in_words};
 use crate::error::{IdentError, Result};
+use crate::fit::ball_places::touched;
 use crate::rigid::{median, rigid_from_points};
 
 /// Joint values and places beyond these are no arm's: 278 turns, and a kilometre.

@@ -7,13 +7,13 @@ use nalgebra::Vector3;
 use serde::Serialize;
 use trical_model::{Cell, Forward, Measured, Model, Robot, Site};
 
-use crate::ball_places::{self, BallPlace, place_of, terms, training_poses, unknown_places};
 use crate::dataset::{Dataset, Observation};
 use crate::error::Result;
-use crate::fit::position_errors;
-use crate::identifiability::{Choice, ParameterSet};
-use crate::identify::{ErrorSummary, Fit, identify, refit};
-use crate::initial_guess::initial_guess_of_sessions;
+use crate::fit::ball_places::{self, BallPlace, place_of, terms, training_poses, unknown_places};
+use crate::fit::identifiability::{Choice, ParameterSet};
+use crate::fit::identify::{ErrorSummary, Fit, identify, refit};
+use crate::fit::initial_guess::initial_guess_of_sessions;
+use crate::fit::residuals::position_errors;
 use crate::rigid::median_point;
 
 /// Fewer places than this cannot choose: an arm that is identified from one says little of the next. All that is usual is then added.

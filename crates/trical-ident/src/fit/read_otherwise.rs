@@ -2,9 +2,9 @@
 
 use trical_model::{Axis, Basis, Measured, Motion, Shape, Site, Term, Variable};
 
-use crate::identify::{ErrorSummary, Identified, fit_some};
-use crate::known::Known;
-use crate::solver::LmParams;
+use crate::fit::identify::{ErrorSummary, Identified, fit_some};
+use crate::fit::levenberg_marquardt::LmParams;
+use crate::fit::priors::PriorKnowledge;
 
 /// Less than this is left where readings are what their columns say, mm rms: it is not asked.
 const MUCH_MM: f64 = 0.1;
@@ -37,8 +37,8 @@ pub fn read_otherwise(fitted: &Identified) -> Option<String> {
     // a share of each reading that was taken for noise is one of these numbers
     let is_reading = |t: &Term| matches!(t.basis.of, Variable::Reading { .. });
     model.terms.iter_mut().filter(|t| is_reading(t)).for_each(|t| t.value = 0.0);
-    let known = fitted.known.iter().copied().chain(std::iter::repeat(Known::NOTHING));
-    let (mut free, known): (Vec<usize>, Vec<Known>) =
+    let known = fitted.known.iter().copied().chain(std::iter::repeat(PriorKnowledge::NOTHING));
+    let (mut free, known): (Vec<usize>, Vec<PriorKnowledge>) =
         fitted.free.iter().copied().zip(known).filter(|(k, _)| !is_reading(&model.terms[*k])).unzip();
     let first = model.terms.len();
     for (along, of) in Axis::ALL.iter().flat_map(|along| Axis::ALL.iter().map(move |of| (along, of))) {

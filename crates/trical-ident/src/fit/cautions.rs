@@ -5,9 +5,9 @@ use trical_model::{
 };
 
 use crate::dataset::Dataset;
-use crate::degenerate::hardly_moving;
-use crate::identifiability::{Elasticity, NEAR_PARALLEL, measured_torques};
-use crate::weak::SOFTEST;
+use crate::fit::degenerate::hardly_moving;
+use crate::fit::identifiability::{Elasticity, NEAR_PARALLEL, measured_torques};
+use crate::fit::weak_priors::SOFTEST;
 
 /// A base farther from where the cell file has it is more likely a mistake than a measurement, m and rad.
 const FAR: f64 = 0.1;
@@ -388,7 +388,7 @@ pub fn listed(all: &[String], word: &str) -> String {
 
 /// What to say where more parameters were determined, of `fitted`, than a third of the independent poses of the arm.
 #[must_use]
-pub fn too_many(parameters: f64, fitted: usize, folds: &crate::folds::Folds) -> Option<String> {
+pub fn too_many(parameters: f64, fitted: usize, folds: &crate::fit::folds::Folds) -> Option<String> {
     let blocks = folds.blocks();
     (3.0 * parameters > blocks as f64).then(|| {
         let determined = format!("{parameters:.0}");
@@ -422,7 +422,7 @@ mod tests {
 
     #[test]
     fn limits_in_degrees_and_masses_in_grams_are_told() {
-        let robot = Robot::parse(include_str!("../../trical-model/tests/data/arm.toml"), "arm.toml").unwrap();
+        let robot = Robot::parse(include_str!("../../../trical-model/tests/data/arm.toml"), "arm.toml").unwrap();
         assert!(odd_units(&robot).is_empty());
         let mut odd = robot.clone();
         odd.joints[1].limits = [-166.0, 166.0];
@@ -438,7 +438,7 @@ mod tests {
 
     #[test]
     fn much_that_is_left_says_what_to_look_at_and_in_angles_of_this_arm() {
-        let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
+        let robot = Robot::parse(include_str!("../../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
         assert!(much_left(&robot, 0.9).is_none() && much_left(&robot, 5.1).is_none());
         // 290 + 270 + 310 (of 70 and 302) + 72 mm
         let said = much_left(&robot, 3.0).unwrap();
@@ -448,7 +448,7 @@ mod tests {
 
     #[test]
     fn joints_that_turn_about_the_same_line_are_told() {
-        let arm = include_str!("../../../cells/irb120/robot.toml");
+        let arm = include_str!("../../../../cells/irb120/robot.toml");
         assert_eq!(coincident(&Robot::parse(arm, "robot.toml").unwrap()), None);
         // an arm on a turntable below its first joint
         let joint = arm.find("[[joint]]").unwrap();
@@ -465,8 +465,8 @@ mod tests {
 
     #[test]
     fn a_base_far_away_and_few_rows_are_told() {
-        let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
-        let cell = Cell::parse(include_str!("../../../cells/irb120/cell.toml"), "cell.toml").unwrap();
+        let robot = Robot::parse(include_str!("../../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
+        let cell = Cell::parse(include_str!("../../../../cells/irb120/cell.toml"), "cell.toml").unwrap();
         let mut model = Model::nominal(robot, cell);
         let mut term = Term::new("base_z", "geometry", Site::Base(Motion::Along(Axis::Z)), Basis::CONSTANT);
         term.value = 0.05;

@@ -7,23 +7,23 @@ use trical_model::{
     residual_rows, trig,
 };
 
-use crate::ball_places::{self, base_is_fixed, unknown_places};
 use crate::dataset::{Dataset, told_of_tool};
-use crate::degenerate::hardly_moving;
 use crate::dense::{Mat, dot, singular_values, singular_values_of_products, weakest};
 use crate::error::Result;
-use crate::fit::factor;
-use crate::known::{Known, KnownParameters};
-use crate::noise::Noise;
-use crate::optional::{length_zeros, rail, sag};
+use crate::fit::ball_places::{self, base_is_fixed, unknown_places};
+use crate::fit::degenerate::hardly_moving;
+use crate::fit::noise::Noise;
+use crate::fit::optional_terms::{length_zeros, rail, sag};
+use crate::fit::priors::{KnownParameters, PriorKnowledge};
+use crate::fit::rank::Triangle;
+use crate::fit::residuals::factor;
+use crate::fit::weak_priors::plausible;
 use crate::rigid::median;
-use crate::triangle::Triangle;
-use crate::weak::plausible;
 
 /// Upper triangular `R` (p x p) of the QR factorization of the weighted Jacobian, accumulated block by block so that memory
 /// does not grow with the rows. Priors count as measurements of the parameters themselves.
 #[must_use]
-pub fn r_factor(forward: &Forward, data: &Dataset, noise: &Noise, known: &[Known]) -> Mat {
+pub fn r_factor(forward: &Forward, data: &Dataset, noise: &Noise, known: &[PriorKnowledge]) -> Mat {
     let p = forward.free().len();
     let r = factor(forward, data, noise, known);
     r.leading(p, p)

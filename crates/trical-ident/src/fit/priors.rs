@@ -18,14 +18,14 @@ pub struct Prior {
 
 /// What is known of a coefficient before it is measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Known {
+pub struct PriorKnowledge {
     /// Where it should be, and how surely.
     pub prior: Option<Prior>,
     /// Between which values it must be, SI.
     pub limits: [f64; 2],
 }
 
-impl Known {
+impl PriorKnowledge {
     /// No limits.
     pub const UNLIMITED: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
     /// Nothing is known.
@@ -114,8 +114,8 @@ impl KnownParameters {
     ///
     /// # Errors
     /// A parameter that the model does not have.
-    pub fn of(&self, model: &Model) -> Result<Vec<Known>> {
-        let mut out = vec![Known::NOTHING; model.terms.len()];
+    pub fn of(&self, model: &Model) -> Result<Vec<PriorKnowledge>> {
+        let mut out = vec![PriorKnowledge::NOTHING; model.terms.len()];
         for k in &self.parameter {
             let error = |problem: String| IdentError::of_file(&self.file, problem);
             let Some(i) = model.terms.iter().position(|t| t.name == k.name) else {
@@ -140,7 +140,8 @@ impl KnownParameters {
             let si = |v: f64| (v - offset) / factor;
             let prior = k.value.zip(k.sd).map(|(value, sd)| Prior { value: si(value), sd: sd / factor.abs() });
             let [min, max] = if factor < 0.0 { [k.max, k.min] } else { [k.min, k.max] };
-            out[i] = Known { prior, limits: [min.map_or(f64::NEG_INFINITY, si), max.map_or(f64::INFINITY, si)] };
+            out[i] =
+                PriorKnowledge { prior, limits: [min.map_or(f64::NEG_INFINITY, si), max.map_or(f64::INFINITY, si)] };
         }
         Ok(out)
     }

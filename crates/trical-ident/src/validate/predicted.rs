@@ -13,7 +13,7 @@ use trical_model::{Forward, Measured, Model, Scope, Site, State, Support};
 use crate::dataset::{Dataset, Observation};
 use crate::dense::{Cholesky, Mat};
 use crate::error::{IdentError, Result};
-use crate::fit::check_observations;
+use crate::fit::residuals::check_observations;
 use crate::model_file::{ModelFile, Uncertainty};
 
 /// Standard deviations to each side within which 95 of 100 normal numbers lie.

@@ -4,11 +4,11 @@ use nalgebra::{Matrix3, Vector3};
 use trical_model::pose::{angles_zyx, rotation_from_quaternion};
 use trical_model::{Cell, Forward, Measured, Model, Motion, Pose, Scope, Site, Term};
 
-use crate::ball_places::{self, BallPlace};
 use crate::dataset::{Dataset, Observation};
 use crate::error::{IdentError, Result};
+use crate::fit::ball_places::{self, BallPlace};
+use crate::fit::trilateration::{Length, base_from_anchors, trilaterate};
 use crate::rigid::{median, median_point, nearest_rotation, robust_rigid_from_points};
-use crate::trilateration::{Length, base_from_anchors, trilaterate};
 
 /// One observation as the closed forms see it: the flange by nominal kinematics, and the point that the tool was at.
 struct Sight {

@@ -5,8 +5,8 @@ use trical_model::{Forward, Model};
 
 use crate::dataset::Dataset;
 use crate::error::Result;
-use crate::fit::orientation_errors;
-use crate::identify::ErrorSummary;
+use crate::fit::identify::ErrorSummary;
+use crate::fit::residuals::orientation_errors;
 
 /// Mean, root of the mean square and maximum of angles, deg.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

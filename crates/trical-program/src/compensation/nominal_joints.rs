@@ -277,7 +277,7 @@ impl Compensator<'_> {
 
     /// How far the arm is off at a shifted place before and after its target was rewritten, by the model, m. `wanted` is where the
     /// program's own target has the tool in {w}, `commanded` where the new numbers send the nominal arm's.
-    pub fn left(
+    pub fn remaining_errors(
         &self,
         shifted: &Shifted,
         wanted: &Pose,

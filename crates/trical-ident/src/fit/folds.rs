@@ -12,8 +12,8 @@ use rand::seq::SliceRandom;
 use rand_pcg::Pcg64Mcg;
 use trical_model::{Cell, MAX_JOINTS};
 
-use crate::ball_places::{place_of, unknown_places};
 use crate::dataset::Dataset;
+use crate::fit::ball_places::{place_of, unknown_places};
 
 /// Folds of cross-validation.
 pub const FOLDS: usize = 4;

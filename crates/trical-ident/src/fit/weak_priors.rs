@@ -6,7 +6,7 @@ use std::cell::LazyCell;
 use trical_model::{Forward, Model, Parameter, Scope, Site, Term, Variable};
 
 use crate::dataset::Dataset;
-use crate::known::Known;
+use crate::fit::priors::PriorKnowledge;
 
 /// How far lengths and angles of an arm are from nominal, roughly: m and rad (0.2 deg). Makers of industrial arms state 0.5 to 1 mm.
 const LENGTH: f64 = 2e-3;
@@ -84,17 +84,17 @@ pub(crate) fn wanders(model: &Model, plausible: &[Option<f64>]) -> bool {
 }
 
 /// The terms that a fit with [`with_priors`] took from their priors rather than from the measurements.
-pub(crate) fn by_prior(model: &Model, plausible: &[Option<f64>], known: &[Known]) -> Vec<usize> {
+pub(crate) fn by_prior(model: &Model, plausible: &[Option<f64>], known: &[PriorKnowledge]) -> Vec<usize> {
     let own = |k: &usize| known.get(*k).is_none_or(|known| known.prior.is_none());
     beyond(model, plausible, BY_PRIOR).into_iter().filter(own).collect()
 }
 
 /// What is known, and of all else that is the arm's that it is plausibly near nominal.
-pub(crate) fn with_priors(plausible: &[Option<f64>], known: &[Known]) -> Vec<Known> {
+pub(crate) fn with_priors(plausible: &[Option<f64>], known: &[PriorKnowledge]) -> Vec<PriorKnowledge> {
     let of = |(k, sd): (usize, &Option<f64>)| {
-        let said = known.get(k).copied().unwrap_or(Known::NOTHING);
-        let prior = said.prior.or_else(|| sd.and_then(|sd| Known::about_zero(sd).prior));
-        Known { prior, ..said }
+        let said = known.get(k).copied().unwrap_or(PriorKnowledge::NOTHING);
+        let prior = said.prior.or_else(|| sd.and_then(|sd| PriorKnowledge::about_zero(sd).prior));
+        PriorKnowledge { prior, ..said }
     };
     plausible.iter().enumerate().map(of).collect()
 }
@@ -109,7 +109,7 @@ mod tests {
 
     #[test]
     fn a_joint_without_load_or_with_little_is_no_softer_than_the_softest() {
-        let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
+        let robot = Robot::parse(include_str!("../../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
         let soft = |joint| Term::new("c", "compliance", Site::Joint { joint }, Basis::torque(joint, Shape::Linear));
         let length = Term::new("a_2", "geometry", Site::Link { link: 2, parameter: Parameter::A }, Basis::CONSTANT);
         let measured = Term { basis: Basis::measured_torque(5), ..soft(5) };
@@ -121,7 +121,7 @@ mod tests {
 
     #[test]
     fn of_what_belongs_to_a_session_nothing_is_known_beforehand() {
-        let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
+        let robot = Robot::parse(include_str!("../../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
         let along = Basis::new(Variable::Joint { joint: 1 }, Shape::Linear);
         let of = |session: Option<u32>| Term::new("t", "effect", Site::Joint { joint: 1 }, Basis { session, ..along });
         let model = Model { terms: vec![of(None), of(Some(1))], ..Model::nominal(robot, Cell::bare()) };

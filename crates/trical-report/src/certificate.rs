@@ -8,8 +8,8 @@ use trical_model::Model;
 
 use crate::error::{Error, Result};
 use crate::evidence::{in_socket, row, where_measured};
+use crate::figures::plots::span;
 use crate::page::{self, Made};
-use crate::plots::span;
 use crate::table;
 use crate::validate_report::cautions;
 

@@ -10,12 +10,12 @@ use trical_ident::model_file::Uncertainty;
 use trical_ident::{ErrorSummary, JointSource, Noise};
 use trical_model::{Basis, Forward, JointKind, Measured, Model, Place, Robot, Shape, Site, State, Term, Variable};
 
-use crate::arm_map;
 use crate::error::Result;
 use crate::evidence::{Errors, half_width, joints_used, legend, parameters, rejected, residuals, row, six};
+use crate::figures::arm_map;
+use crate::figures::plots::{self, AFTER, BEFORE, Series};
 use crate::finding_figures;
 use crate::page::{self, Figure, Made, Section, error_table};
-use crate::plots::{self, AFTER, BEFORE, Series};
 use crate::table;
 use crate::verdict_summary;
 

@@ -10,12 +10,12 @@ use trical_model::{Forward, Joint, Joints, MAX_JOINTS, Measured, Model, Robot, T
 use trical_plan::{CollisionModel, PlanEntry};
 
 use crate::error::Result;
+use crate::figures::picture::{self, Mark, Scene, View};
+use crate::figures::plots::{self, AFTER, BEFORE, Series, span};
+use crate::figures::turning_scene;
 use crate::heat_map;
 use crate::page::{Figure, Section};
-use crate::picture::{self, Mark, Scene, View};
-use crate::plots::{self, AFTER, BEFORE, Series, span};
 use crate::table;
-use crate::turning_scene;
 
 /// So many marks and arms in the picture of the cell.
 const MARKS: usize = 250;

@@ -9,8 +9,8 @@ use trical_model::{Basis, JointKind, Measured, Model, Place, Site, State, Term, 
 
 use crate::error::Result;
 use crate::evidence::six;
+use crate::figures::plots::{self, BEFORE, Band, Series, span};
 use crate::page::Figure;
-use crate::plots::{self, BEFORE, Band, Series, span};
 
 /// Colours of sessions.
 const SESSIONS: [(&str, RGBColor); 4] = [

@@ -6,8 +6,8 @@ use trical_model::Model;
 
 use crate::error::Result;
 use crate::error_map::{ErrorMap, Miss};
+use crate::figures::plots::span;
 use crate::page::{Figure, Section};
-use crate::plots::span;
 use crate::table::counted;
 
 /// Poses of the map.

@@ -7,8 +7,8 @@ use trical_model::Scope;
 
 use crate::error::Result;
 use crate::evidence::row;
+use crate::figures::plots::{self, AFTER, BEFORE, Band, Series};
 use crate::page::{self, Figure, Made, Section};
-use crate::plots::{self, AFTER, BEFORE, Band, Series};
 
 /// The whole report.
 ///

@@ -9,17 +9,16 @@
 //! | [`identify_report`], [`validate_report`], [`diagnosis_report`], [`plan_report`], [`history_report`] | what each says |
 //! | [`certificate`] | one page to sign: accuracy and repeatability before and after |
 //! | [`evidence`] | what reports of fits share: errors one by one, where it was measured, rejected rows, parameters |
-//! | [`finding_figures`], [`arm_map`] | the curve or the spectrum of a finding; where on the arm they are |
-//! | [`plots`], [`heat`], [`picture`], [`turn`], [`outline`] | figures as SVG; maps; the cell with arm, poses and marks |
+//! | [`finding_figures`], [`heat_map`] | the curve or the spectrum of a finding; the error map as pictures |
+//! | [`figures`] | figures as SVG: plots, the cell with arm, poses and marks, where on the arm findings are |
 //! | [`verdict_summary`], [`effect_names`] | a diagnosis in a few lines; which effect someone means |
 //! | [`plan_summary`], [`detectability`], [`deciding`] | a plan in words and JSON; what it would not show; touches that decide |
 //! | [`error_map`], [`export`] | how far an arm misses all over its workspace; the calibrated arm for other programs |
-//! | [`study`], [`places`] | whole calibrations by simulation; what places of sockets are worth |
+//! | [`study`] | whole calibrations by simulation; what places of sockets are worth |
 //! | [`table`] | tables and paragraphs for a terminal |
 
 #![allow(clippy::disallowed_methods, reason = "what is drawn and told needs no more digits than anybody sees")]
 
-pub mod arm_map;
 pub mod certificate;
 pub mod deciding;
 pub mod detectability;
@@ -29,22 +28,18 @@ pub mod error;
 pub mod error_map;
 pub mod evidence;
 pub mod export;
+pub mod figures;
 pub mod finding_figures;
 pub mod heat_map;
 pub mod history_report;
 pub mod identify_report;
-pub mod outline;
 pub mod page;
-pub mod picture;
-pub mod places;
 pub mod plan_report;
 pub mod plan_summary;
-pub mod plots;
 pub mod study;
 pub mod table;
 #[cfg(test)]
 mod test_data;
-pub mod turning_scene;
 pub mod validate_report;
 pub mod verdict_summary;
 

@@ -10,7 +10,7 @@ use trical_ident::ErrorSummary;
 use trical_ident::fit::cautions::listed;
 
 use crate::error::{Error, Result};
-use crate::{plots, turning_scene};
+use crate::figures::{plots, turning_scene};
 
 /// A figure.
 #[derive(Serialize)]

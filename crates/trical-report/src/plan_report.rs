@@ -6,12 +6,12 @@ use trical_plan::{CollisionModel, Criterion, PredictedError, Sphere};
 use crate::detectability;
 use crate::error::Result;
 use crate::evidence::{other_views, row, typical, used};
+use crate::figures::picture::Scene;
+use crate::figures::plots::span;
+use crate::figures::turning_scene;
 use crate::page::{self, Figure, Made, Section};
-use crate::picture::Scene;
 use crate::plan_summary::PlanSummary;
-use crate::plots::span;
 use crate::table::{counted, fixed, two_digits};
-use crate::turning_scene;
 
 fn error_row(name: &str, p: Option<PredictedError>) -> Vec<String> {
     let number = |f: fn(&PredictedError) -> f64| p.map_or_else(|| "-".into(), |p| format!("{:.3}", f(&p) * 1e3));

@@ -4,9 +4,9 @@ use nalgebra::Vector3;
 use trical_diagnose::Diagnosis;
 use trical_ident::{ErrorSummary, Identified};
 use trical_model::{Joints, Model};
+use trical_report::figures::plots::{self, AFTER, BEFORE, Series};
 use trical_report::page::{Figure, Section, error_table, render as page};
 use trical_report::plan_summary::PlanSummary;
-use trical_report::plots::{self, AFTER, BEFORE, Series};
 use trical_report::{Made, diagnosis_report, plan_report};
 
 use crate::commands::identify::parameter_rows;

@@ -13,9 +13,9 @@ use trical_plan::{
     CollisionModel, Criterion, Facing, PlanError, PlanOptions, Sphere, ValidationOptions, plan_touches,
     poses_in_sphere, poses_in_workspace, read_plan, usual_start, write_plan,
 };
-use trical_report::places::{self, Worth};
 use trical_report::plan_report;
 use trical_report::plan_summary::PlanSummary;
+use trical_report::study::places::{self, Worth};
 use trical_report::table;
 
 use crate::error::{CliError, Result};

@@ -9,7 +9,7 @@ use trical_device::{ArmPlant, CellOptions, VirtualCell};
 use trical_diagnose::truth::{draw_truth, hide};
 use trical_ident::{ModelFile, write_whole};
 use trical_model::{MAX_JOINTS, Model};
-use trical_report::places::Guided;
+use trical_report::study::places::Guided;
 
 use super::record::Typed;
 use crate::error::{CliError, Result, of_wish};

@@ -1,5 +1,6 @@
 //! Whole calibrations by the hundred, without hardware (the paper's simulation), and platforms of balls compared.
 
+pub mod places;
 mod platform;
 pub mod simulation;
 mod touches;
@@ -17,8 +18,8 @@ use trical_plan::{
 };
 
 use crate::error::{Error, Result};
+use crate::figures::plots::{self, Band};
 use crate::page::{Figure, Made, Section, render};
-use crate::plots::{self, Band};
 use simulation::{Nature, Outcome, Poses};
 
 pub use platform::{Platforms, platforms};

@@ -13,8 +13,8 @@ use super::{
     CURVES, Checked, Common, SPHERE, Spread, Study, WORKSPACE, drawn, pool, poses, region, share, trials, wrong,
 };
 use crate::error::Result;
+use crate::figures::plots::Band;
 use crate::page::Section;
-use crate::plots::Band;
 use crate::table::csv;
 
 /// Which platforms are tried: every combination.

@@ -7,8 +7,8 @@ use trical_model::Pose;
 use trical_plan::solid::{Core, Solid};
 
 use super::V3;
-use crate::outline::hull;
-use crate::plots::span;
+use crate::figures::outline::hull;
+use crate::figures::plots::span;
 
 /// From where the cell is looked at.
 #[derive(Clone, Copy)]

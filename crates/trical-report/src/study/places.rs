@@ -274,7 +274,7 @@ mod tests {
 
     #[test]
     fn more_places_of_two_sockets_make_a_better_arm() {
-        let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
+        let robot = Robot::parse(include_str!("../../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
         let text = "[base]\nxyz_mm = [0, 0, 0]\nzyx_deg = [0, 0, 0]\n[tool]\ntcp_mm = [15, -10, 120]\nmass_kg = 0.5\ncog_mm = [0, 0, 60]\n\
                     [balls]\ndistances_mm = { d12 = 50.0 }";
         let cell = Cell::parse(text, "cell.toml").unwrap();
@@ -288,7 +288,7 @@ mod tests {
 
     #[test]
     fn a_person_brings_the_ball_into_the_socket_that_is_asked_for_wherever_the_block_stands() {
-        let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
+        let robot = Robot::parse(include_str!("../../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
         let cell = Cell::parse(
             "[base]\nxyz_mm = [0, 0, 0]\nzyx_deg = [0, 0, 0]\n[tool]\ntcp_mm = [15, -10, 120]\n[balls]\ndistances_mm = { d12 = 50.0 }",
             "cell.toml",

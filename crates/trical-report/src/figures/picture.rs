@@ -13,7 +13,7 @@ use trical_plan::geometry::{Place, Role};
 use trical_plan::solid::{Core, Solid};
 use trical_plan::{CollisionModel, PlanEntry};
 
-use crate::plots::span;
+use crate::figures::plots::span;
 pub use page::View;
 pub(crate) use page::escaped;
 use page::{Camera, Drawn, Page, Paint};

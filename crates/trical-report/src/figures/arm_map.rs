@@ -7,8 +7,8 @@ use trical_diagnose::Diagnosis;
 use trical_model::{Forward, Place, Pose};
 
 use crate::error::Result;
-use crate::picture::escaped;
-use crate::plots::span;
+use crate::figures::picture::escaped;
+use crate::figures::plots::span;
 
 /// Colours of lines, and of places where something was found that explains little or much.
 const INK: &str = "#47566a";

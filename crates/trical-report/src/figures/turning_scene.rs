@@ -7,7 +7,7 @@ use trical_plan::geometry::{Place, Role};
 use trical_plan::solid::{Core, Solid};
 
 use crate::error::Result;
-use crate::picture::{Scene, View, ball_color, draw, extent, oblique_look, skeletons};
+use crate::figures::picture::{Scene, View, ball_color, draw, extent, oblique_look, skeletons};
 
 type V3 = Vector3<f64>;
 
@@ -137,8 +137,11 @@ mod tests {
     fn the_script_has_the_cells_balls_and_bodies_in_the_world_and_cannot_be_ended_by_a_name() {
         let model = crate::test_data::arm();
         let solids = CollisionModel::new(&model.robot, &model.cell).unwrap();
-        let marks =
-            [crate::picture::Mark { place: V3::new(0.1, 0.2, 0.3), color: "</script>".into(), title: String::new() }];
+        let marks = [crate::figures::picture::Mark {
+            place: V3::new(0.1, 0.2, 0.3),
+            color: "</script>".into(),
+            title: String::new(),
+        }];
         let scene =
             Scene { model: &solids, touches: &[], marks: &marks, shown: crate::test_data::pose(3).q, sphere: None };
         let text = script(&scene, &V3::x()).unwrap();

@@ -106,7 +106,7 @@ struct Explanation {
     correlation: CorrelatedNoise,
     /// How likely the residuals are with it.
     nats: f64,
-    /// Memories beside which effects were chosen.
+    /// Correlations of the noise beside which effects were chosen.
     tried: Vec<CorrelatedNoise>,
 }
 
@@ -134,7 +134,7 @@ impl Round {
 }
 
 impl Rounds {
-    /// Hygiene, the baseline fit, and everything that this data can be asked.
+    /// Rejects gross errors, fits the baseline, and lists the candidates that this data can be asked about.
     pub(crate) fn begin(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options) -> Result<Self> {
         refuse_stuck_stems(robot, cell, data)?;
         let fresh = rejection::without_stale(data);

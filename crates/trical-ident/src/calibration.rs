@@ -1,4 +1,4 @@
-//! The one way from recordings to a calibration: which joints to believe, gross errors, what sessions share, the fit, and what it is worth
+//! The one way from recordings to a calibration: which joint angles to use, gross errors, what sessions share, the fit, and what it is worth
 //! at poses, blocks and sessions that it did not see. Command line, Python and reports show what this returns.
 
 pub mod by_place;

@@ -1,4 +1,4 @@
-//! Recordings as observations: which joint angles are believed, which rows belong to one pose, which measuring frame a
+//! Recordings as observations: which joint angles are used, which rows belong to one pose, which measuring frame a
 //! row was seen in.
 
 pub mod readings;
@@ -17,7 +17,7 @@ use crate::dataset::repeated::{Fingerprint, refuse_repeated};
 use crate::error::{IdentError, Result};
 use crate::rigid::mean;
 
-/// Which joint angles the model is to believe.
+/// Which joint angles the model uses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum JointSource {
@@ -29,7 +29,7 @@ pub enum JointSource {
 }
 
 impl JointSource {
-    /// What a row says of the arm, with the joints that are believed.
+    /// What a row says of the arm, with the joint angles that are used.
     pub(crate) fn state(self, row: &Row, recording: &str) -> Result<State> {
         if self == Self::Read {
             return Ok(row.state);
@@ -111,7 +111,7 @@ pub struct Dataset {
     pub frame_of_recording: Vec<Option<usize>>,
     /// References of each measuring frame; empty where it has none.
     pub references: Vec<References>,
-    /// Which joint angles are believed.
+    /// Which joint angles are used.
     pub joints: JointSource,
     /// Number of the arm's joints.
     pub dof: usize,

@@ -12,7 +12,7 @@ pub type Joints = [f64; MAX_JOINTS];
 /// What is known about the arm when a measurement was taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State {
-    /// Joint values that the model is to believe: those that the controller reported, unless told otherwise.
+    /// Joint values that the model uses: those that the controller reported, unless told otherwise.
     pub q: Joints,
     /// Joint values that were commanded, where recorded.
     pub q_commanded: Option<Joints>,

@@ -202,10 +202,10 @@ impl Rounds {
         lines.into_iter().take(PEAKS_PER_JOINT).map(|(cycles, _)| ripple(joint, f64::from(cycles), dof)).collect()
     }
 
-    /// Fits once more with waves of long curves as much smaller, before anything is known of them, as foretells the errors at angles that a fit did
-    /// not visit best: what else a joint does there looks like its waves, and makes them swing where nothing holds them. What is said of errors
-    /// afterwards is of such fits. How uncertain the waves are stays as it was: where nothing was visited, the joint may be off by as much as the
-    /// likelihood says. Where the exact fit does not follow, all stays as it was.
+    /// Fits once more with narrower priors of the waves of long curves: those that best predict the errors at angles that a fit did not visit.
+    /// A joint's other errors look like waves of its curve, and make the curve swing where no measurement holds it. All errors that are stated
+    /// afterwards are those of such fits. Standard deviations stay those of the wider priors: where nothing was visited, the joint may be off by
+    /// as much as the likelihood says. If the exact fit fails, everything stays as it was.
     pub(crate) fn shrink_curves(&mut self) -> Result<()> {
         let share = self.curve_share()?;
         if share == 1.0 {
@@ -263,9 +263,9 @@ impl Rounds {
         Ok(best.0)
     }
 
-    /// Drops what does not pay at blocks of poses that the fit did not see, in the last quarter of the sessions, foreseen by what came before,
-    /// and at places of the balls that it did not see, one finding after the other, the worst first; and takes the simpler of two nested
-    /// effects where what tells them apart is nothing.
+    /// Drops findings that do not lower the error where a fit did not see: at blocks of poses, in the last quarter of each session (by a fit to
+    /// what came before), and at places of the balls. The worst goes first, one after the other. Of two nested effects it takes the simpler one
+    /// if the difference between them is zero.
     pub(crate) fn keep_what_pays(&mut self) -> Result<()> {
         let before = self.chosen.clone();
         self.simplify();

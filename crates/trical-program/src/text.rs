@@ -339,6 +339,14 @@ pub fn written(new: f64, old: &[u8], least: usize) -> String {
     }
 }
 
+/// A new number as it stands at `at`: where a sign kept the old one from the name before it ("A4-0.01"), a blank keeps the new one from it.
+#[must_use]
+pub fn kept_apart(new: String, bytes: &[u8], at: u32) -> String {
+    let before = (at as usize).checked_sub(1).and_then(|k| bytes.get(k)).copied().unwrap_or(b' ');
+    let runs_on = (is_letter(before) || before.is_ascii_digit()) && new.starts_with(|c: char| c.is_ascii_digit());
+    if runs_on { format!(" {new}") } else { new }
+}
+
 /// A whole number in the form of the old text, with as many digits where that is not decimal.
 #[must_use]
 pub fn written_whole(new: i16, old: &[u8]) -> String {

@@ -104,7 +104,7 @@ fn take_value(text: &str, comma: bool) -> Option<(f64, Unit, &str)> {
         return None;
     }
     // a decimal comma is a setting of some instruments
-    let magnitude: f64 = number.replacen(',', ".", 1).parse().ok()?;
+    let magnitude: f64 = number.replacen(',', ".", 1).parse().ok().filter(|v: &f64| v.is_finite())?;
     let after = rest.trim_start();
     for (name, unit) in [
         ("mm", Unit::Millimetre),
@@ -160,6 +160,7 @@ mod tests {
         for text in ["", "abc", "+", "1.2.3", "12.5 xyz", "91,", "12.", "0x12", "1e5", "nan", "inf"] {
             assert_eq!(one(text), LineReply::Garbage, "{text}");
         }
+        assert_eq!(one(&"9".repeat(400)), LineReply::Garbage);
     }
 
     #[test]

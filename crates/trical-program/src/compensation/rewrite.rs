@@ -8,7 +8,7 @@ use super::arms::Compensator;
 use super::nominal_joints::Start;
 use crate::literal::{MOST, Meant};
 use crate::scan::Spot;
-use crate::text::{Span, written, written_whole};
+use crate::text::{Span, kept_apart, written, written_whole};
 
 /// A correction of a few mm that asks more of a joint than this says that the arm is nearly singular there, rad.
 const MOST_JOINT_MOVE: f64 = 3.0_f64.to_radians();
@@ -146,7 +146,7 @@ impl Compensator<'_> {
             let digits = spot.shape.decimals(k) + libm::log10(scale).ceil() as usize;
             let text = written(*x / scale, span.text(self.bytes), digits);
             read_back[k] = text.parse().map_or(*x, |read: f64| read * scale);
-            edits.push((*span, text));
+            edits.push((*span, kept_apart(text, self.bytes, span.at)));
         }
         let configuration = self.scan.configuration(spot);
         let is_met = self.branches.mismatch(&configuration, &start.q).is_some();

@@ -161,6 +161,11 @@ fn each_construction_is_rewritten_or_listed() {
                     case.name, report.after
                 ));
             }
+            // what came out is a program of the same targets
+            let targets = |text: &[u8]| d.scan(text).unwrap().spots.len();
+            if targets(&out) != targets(text.as_bytes()) {
+                wrong.push(format!("{d:?}, {}: other targets in\n{}", case.name, String::from_utf8_lossy(&out)));
+            }
             // the nominal arm's own program: nothing moves, and no expression is replaced
             let mut same = Vec::new();
             run(text.as_bytes(), &nominal, &mut same);

@@ -46,6 +46,12 @@ pub(super) const KRL: &[Case] = &[
         &[1],
         &[],
     ),
+    case(
+        "numbers that their sign alone keeps from a name",
+        "PTP {A1+5,A2-80,A3+95.5,A4-0.00001,A5+40,A6-7}\n",
+        &[1],
+        &[],
+    ),
     case("a blank in a binary number", "PTP {@0,S 'B 110',T @T0}\nPTP {@1,S 'H 2',T @T1}\n", &[1, 2], &[]),
     case(
         "a tool that is changed while it is active, and one before it is",

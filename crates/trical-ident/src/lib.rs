@@ -6,10 +6,10 @@
 //! | [`dense`], [`rigid`] | matrices, factors and what is solved with them, the same bits on every processor; rigid transforms |
 //! | [`fit`] | one fit: initial guess, parameters, priors, noise, the solver, what it rejects and what it cautions |
 //! | [`calibration`] | the whole way from recordings to what a fit is worth at poses that it did not see |
-//! | [`validate`] | a model on recordings that it was not fitted to; how far off it says that it may be |
-//! | [`compare`], [`history`] | whether an arm is still as it was calibrated; its sessions over months |
-//! | [`repeatability`] | how far repeat visits scatter; accuracy and repeatability as ISO 9283 has them |
-//! | [`touches`], [`simulate`] | what touches could tell; recordings of an arm that is a model |
+//! | [`mod@validate`] | a model on recordings that it was not fitted to; how far off it says that it may be |
+//! | [`mod@compare`], [`mod@history`] | whether an arm is still as it was calibrated; its sessions over months |
+//! | [`mod@repeatability`] | how far repeat visits scatter; accuracy and repeatability as ISO 9283 has them |
+//! | [`touches`], [`mod@simulate`] | what touches could tell; recordings of an arm that is a model |
 //! | [`model_file`], [`units`] | models as files, coefficients as people read them |
 
 #![cfg_attr(test, allow(clippy::disallowed_methods))]

@@ -34,7 +34,7 @@ pub enum Variable {
         /// Which component.
         axis: Axis,
     },
-    /// The same at a point of the axis between its origin and its foot; for [`Site::Across`] only.
+    /// The same at a point of the axis between its origin and its foot; for [`crate::Site::Across`] only.
     PartMoment {
         /// 1-based.
         joint: usize,

@@ -61,7 +61,7 @@ impl Job<'_> {
     }
 
     /// Rewrites the program. The output appears whole, or not at all; without one, nothing is refused for targets that are
-    /// left (see [`left`]).
+    /// left (see [`refuse_left_out`]).
     ///
     /// A KRL program is its .src and the .dat beside it: both are read and written, whichever is named, and `$config.dat` of the
     /// same folder or controller gives tools and bases. The other modules of a RAPID program are read for its tools, work objects and calls.

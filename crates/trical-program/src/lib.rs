@@ -34,7 +34,7 @@
 //! | [`branch`] | configurations |
 //! | [`compensation`] | targets to targets |
 //! | [`rewriting`] | a program in memory, with a [`report`] |
-//! | [`file`], `folders` | the same from file to file; the files beside a program |
+//! | [`mod@file`], `folders` | the same from file to file; the files beside a program |
 
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 

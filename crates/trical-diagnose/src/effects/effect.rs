@@ -29,7 +29,7 @@ pub struct Effect {
     pub typical: &'static str,
     /// What it is easily taken for.
     pub rivals: &'static str,
-    /// What its coefficients are, by the beginning of their names; [`WAVES`] where they are waves.
+    /// What its coefficients are, by the beginning of their names; `WAVES` where they are waves.
     #[serde(skip)]
     pub coefficients: &'static [CoefficientWords],
     /// What the owner of the arm can do: one sentence.

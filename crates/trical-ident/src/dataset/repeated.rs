@@ -18,7 +18,7 @@ const MARKS: usize = 4096;
 pub struct Fingerprint {
     /// A hash of its joints and measurements, 16 hexadecimal digits.
     pub whole: String,
-    /// A hash of each measurement, each once and in order; the smallest ones of a recording with more than [`MARKS`].
+    /// A hash of each measurement, each once and in order; the smallest ones of a recording with more than `MARKS`.
     pub marks: Vec<u32>,
 }
 

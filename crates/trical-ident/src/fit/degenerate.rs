@@ -200,7 +200,7 @@ fn spread(points: impl Iterator<Item = Vector3<f64>>) -> f64 {
     (points.iter().map(|p| (p - middle).norm_squared()).sum::<f64>() / n).sqrt()
 }
 
-/// Number of poses that differ by more than [`SAME_RAD`] (or [`SAME_M`]) in some joint, roughly: joints are sorted into bins.
+/// Number of poses that differ by more than `SAME_RAD` (or `SAME_M`) in some joint, roughly: joints are sorted into bins.
 #[must_use]
 pub fn different_poses(robot: &Robot, data: &Dataset) -> usize {
     data.observations.iter().map(|o| bin(robot, o)).collect::<BTreeSet<_>>().len()

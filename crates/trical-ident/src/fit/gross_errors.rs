@@ -32,7 +32,7 @@ const SETTLED: f64 = 1e-4;
 /// that is far beyond the rest. Where these were many, those that are farther still.
 ///
 /// # Errors
-/// As [`fit_model`].
+/// As [`crate::fit_model`].
 pub fn reject_gross_errors(robot: &Robot, cell: &Cell, data: &Dataset) -> Result<Dataset> {
     reject_gross_errors_beyond(robot, cell, data, GROSS)
 }
@@ -40,7 +40,7 @@ pub fn reject_gross_errors(robot: &Robot, cell: &Cell, data: &Dataset) -> Result
 /// As [`reject_gross_errors`], with another limit (robust standard deviations).
 ///
 /// # Errors
-/// As [`fit_model`].
+/// As [`crate::fit_model`].
 pub fn reject_gross_errors_beyond(robot: &Robot, cell: &Cell, data: &Dataset, limit: f64) -> Result<Dataset> {
     let mut kept = data.clone();
     let mut sets = sets_of(robot);

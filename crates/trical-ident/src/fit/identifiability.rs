@@ -268,7 +268,7 @@ impl Choice {
         self.set
     }
 
-    /// From what is known how far joints give way: [`measured_torques`], where there are any; else masses. Joints that were named for it
+    /// From what is known how far joints give way: measured torques, where there are any; else masses. Joints that were named for it
     /// need one of both.
     ///
     /// # Errors

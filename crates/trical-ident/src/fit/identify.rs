@@ -430,7 +430,7 @@ fn judged<'a>(nominal: &'a Model, data: &Dataset) -> Result<Cow<'a, Model>> {
     Ok(Cow::Owned(Model { cell, terms: Vec::new(), ..model }))
 }
 
-/// Identifies the parameters of `set`. The data should have passed [`reject_gross_errors`].
+/// Identifies the parameters of `set`. The data should have passed [`crate::reject_gross_errors`].
 ///
 /// Where the measurements leave parameters of the arm more uncertain than arms differ from nominal, all of the arm's are kept near nominal by
 /// weak priors ([`Identified::weak`] says which needed it). What gravity does to an arm without masses and torques, and errors of a rail over its

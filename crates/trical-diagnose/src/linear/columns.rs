@@ -235,9 +235,9 @@ impl Linear {
         }
         let direction = self.directions.col(self.family[at]);
         for (i, rows) in self.first_row.windows(2).enumerate() {
-            let basis_values = self.basis_values[i * self.width + at];
+            let basis_value = self.basis_values[i * self.width + at];
             for (v, d) in out[rows[0]..rows[1]].iter_mut().zip(&direction[rows[0]..rows[1]]) {
-                *v = basis_values * d;
+                *v = basis_value * d;
             }
         }
     }

@@ -146,7 +146,7 @@ impl Compensator<'_> {
             let digits = spot.shape.decimals(k) + libm::log10(scale).ceil() as usize;
             let text = written(*x / scale, span.text(self.bytes), digits);
             read_back[k] = text.parse().map_or(*x, |read: f64| read * scale);
-            edits.push((*span, kept_apart(text, self.bytes, span.at)));
+            edits.push((*span, text));
         }
         let configuration = self.scan.configuration(spot);
         let is_met = self.branches.mismatch(&configuration, &start.q).is_some();
@@ -159,6 +159,7 @@ impl Compensator<'_> {
                     .filter_map(|(n, span)| Some((*span, written_whole((*n)?, span.text(self.bytes))))),
             );
         }
+        let edits = edits.into_iter().map(|(span, new)| (span, kept_apart(new, self.bytes, span.at))).collect();
         (self.in_place(spot, edits), read_back)
     }
 

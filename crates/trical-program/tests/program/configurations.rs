@@ -91,8 +91,11 @@ fn a_turn_is_read_and_written_in_its_own_form() {
     let p = flange(&n, &q).compose(&device());
     let [a, b, c] = angles_zyx(&p.rotation).map(|a| format!("{:.9}", a.to_degrees()));
     let [x, y, z] = mm(&p).map(|x| format!("{x:.7}"));
-    for (old, new) in [("42", "34"), ("'B101010'", "'B100010'"), ("'b0101010'", "'b0100010'"), ("'H2a'", "'H22'")] {
-        let text = format!("PTP {{X {x},Y {y},Z {z},A {a},B {b},C {c},S 2,T {old}}}\n");
+    let pairs = [("42", "34"), ("'B101010'", "'B100010'"), ("'b0101010'", "'b0100010'"), ("'H2a'", "'H22'")];
+    let plain = pairs.map(|(old, new)| (format!(" {old}"), new));
+    // of a sign alone between the name and the number a blank is left
+    for (old, new) in plain.into_iter().chain([("+42".to_owned(), "34")]) {
+        let text = format!("PTP {{X {x},Y {y},Z {z},A {a},B {b},C {c},S 2,T{old}}}\n");
         let (out, report) = run(text.as_bytes(), Dialect::Krl, &n, &real(&n), &Frames::default());
         assert!(report.rows[0].joints[3] > 0.0, "{:?}", report.rows[0].joints);
         let out = String::from_utf8(out).unwrap();

@@ -9,6 +9,7 @@ use std::collections::{BTreeSet, HashMap, HashSet};
 
 use crate::reaching::{Definition, Part};
 use crate::scan::{Fork, OWN_SETUP, Scan, Visit, hashed_as_written, reached};
+use crate::text::Span;
 
 /// How a motion names its place.
 #[derive(Clone, Copy, Debug)]
@@ -130,6 +131,10 @@ pub struct Names {
     in_use: Vec<bool>,
     /// Names to which motions go.
     gone_to: HashSet<u64>,
+    /// Data that look like targets and give no place: the name, and where they stand and what they are called there.
+    placeholders: Vec<(u64, (usize, Span))>,
+    /// Names to which motions go where nothing gives them a place.
+    missed: HashSet<u64>,
     /// Names that statements use.
     read: HashSet<u64>,
     /// Names of which the program calculates a frame, and where.
@@ -264,6 +269,16 @@ impl Names {
         let is_there = |d: &&Definition| d.within.is_some_and(|within| routines.contains(&within));
         let there = self.groups.iter().map(|g| &g.definition).filter(is_there).map(|d| d.name);
         self.set_in_handlers.iter().copied().chain(there).collect()
+    }
+
+    /// Data of this name, here, look like a target and give no place: the arm goes there only if the name is set before.
+    pub fn placeholder(&mut self, name: u64, place: (usize, Span)) {
+        self.placeholders.push((name, place));
+    }
+
+    /// A motion goes to this name where nothing gives it a place.
+    pub fn missed(&mut self, name: u64) {
+        self.missed.insert(name);
     }
 
     /// A statement uses the data of this name.

@@ -130,6 +130,7 @@ impl Names {
             match origins {
                 Some(origins) if is_motion && self.defines(name) => {
                     if origins.is_empty() {
+                        self.missed(name);
                         scan.problem(at as usize, problem());
                     }
                     self.list_computed(&origins, scan);
@@ -145,6 +146,7 @@ impl Names {
             return;
         }
         if !is_given && origins.as_ref().map_or(!self.origins.contains_key(&name), Vec::is_empty) {
+            self.missed(name);
             scan.problem(at as usize, problem());
         }
         match origins {
@@ -173,13 +175,8 @@ impl Names {
         let unused = no_targets.iter().filter(|name| groups(name).all(|g| g.used.is_none()));
         let mut gone: HashSet<u32> = unused.flat_map(groups).flat_map(|g| g.first..g.first + g.count).collect();
         let idle = self.idle(scan, bytes);
-        for (spots, is_read) in [(idle.unused, false), (idle.read, true)] {
-            for spot in spots {
-                if let Some(target) = scan.spots.get(spot as usize).filter(|_| gone.insert(spot)) {
-                    let place = (scan.at(target), scan.written(target).name);
-                    if is_read { &mut scan.only_read } else { &mut scan.unused }.push(place);
-                }
-            }
+        for (all, to) in [(idle.unused, &mut scan.unused), (idle.read, &mut scan.only_read)] {
+            to.extend(all.into_iter().filter(|(spot, _)| spot.is_none_or(|spot| gone.insert(spot))).map(|(_, at)| at));
         }
         gone
     }

@@ -83,6 +83,7 @@ impl Names {
         self.list_computed(from, scan);
         self.is_shifted |= self.changed.contains_key(&name);
         if from.is_empty() {
+            self.missed(name);
             scan.goes_elsewhere.insert((name, setup));
         }
         if from.is_empty() || seen.len() > MOST_NAMES {

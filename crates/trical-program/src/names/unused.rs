@@ -4,15 +4,18 @@ use std::collections::{HashMap, HashSet};
 
 use super::{Group, Names};
 use crate::scan::{Scan, Visit, hashed};
-use crate::text::{Cursor, is_one_of};
+use crate::text::{Cursor, Span, is_one_of};
+
+/// A target by its index into `Scan::spots`, of which a placeholder has none, and where it stands.
+type Target = (Option<u32>, (usize, Span));
 
 /// Targets to which no motion goes.
 #[derive(Default)]
 pub(super) struct Idle {
     /// Nothing in the files uses their numbers, or only before they are set anew.
-    pub unused: Vec<u32>,
+    pub unused: Vec<Target>,
     /// Other statements use them: zones, frames, distances, conditions.
-    pub read: Vec<u32>,
+    pub read: Vec<Target>,
 }
 
 impl Names {
@@ -24,25 +27,30 @@ impl Names {
             return Idle::default();
         }
         let is_idle = |spot: &u32| self.in_use.get(*spot as usize) != Some(&true);
-        let text = |spot: &u32| scan.spots.get(*spot as usize).map_or(&[][..], |s| scan.written(s).name.text(bytes));
-        let named = |g: &Group| -> Vec<(u64, u32)> {
-            let idle = (g.first..g.first + g.count).filter(is_idle).filter(|spot| !text(spot).is_empty());
-            idle.map(|spot| (g.definition.name, spot)).collect()
+        let place = |spot: u32| scan.spots.get(spot as usize).map(|s| (scan.at(s), scan.written(s).name));
+        let named = |g: &Group| -> Vec<(u64, Target)> {
+            let idle = (g.first..g.first + g.count).filter(is_idle);
+            let places = idle.filter_map(|spot| Some((Some(spot), place(spot)?)));
+            places.filter(|(_, (_, name))| name.len > 0).map(|target| (g.definition.name, target)).collect()
         };
-        let idle: Vec<(u64, u32)> = self.groups.iter().flat_map(named).collect();
-        let in_text: HashSet<u64> = idle.iter().map(|(_, spot)| hashed(text(spot))).collect();
+        let placeholders = self.placeholders.iter().filter(|(name, _)| !self.missed.contains(name));
+        let mut idle: Vec<(u64, Target)> = placeholders.map(|(name, place)| (*name, (None, *place))).collect();
+        idle.extend(self.groups.iter().flat_map(named));
+        let text = |(_, (_, name)): &Target| hashed(name.text(bytes));
+        let in_text: HashSet<u64> = idle.iter().map(|(_, target)| text(target)).collect();
         let read = match self.comment {
             Some(comment) if !idle.is_empty() => names_read(bytes, comment, &in_text, &lines_listed(scan, bytes)),
             _ => HashMap::new(),
         };
         let mut found = Idle::default();
-        for (name, spot) in idle {
-            let read = read.get(&hashed(text(&spot))).filter(|_| !self.gone_to.contains(&name));
+        for (name, target) in idle {
+            let read = read.get(&text(&target)).filter(|_| !self.gone_to.contains(&name));
             match read {
                 Some(Read::PassedOn) => {}
-                Some(Read::Only) => found.read.push(spot),
+                Some(Read::Only) => found.read.push(target),
                 None if self.read.contains(&name) && !self.gone_to.contains(&name) => {}
-                None => found.unused.extend(is_known.then_some(spot)),
+                // where no motion is known, placeholders are told all the same: nothing else says that they stay
+                None => found.unused.extend((is_known || target.0.is_none()).then_some(target)),
             }
         }
         found

@@ -516,6 +516,17 @@ fn parts_of_targets_that_a_module_beside_changes_are_listed() {
 }
 
 #[test]
+fn data_without_an_orientation_are_not_unused_where_a_motion_of_another_module_goes_there() {
+    let none = "[[0,0,0],[0,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]";
+    let data = format!(
+        "MODULE Data\nPERS robtarget p:=TARGET;\nPERS robtarget q:={none};\nPERS robtarget r:={none};\nENDMODULE\n"
+    );
+    let main = "MODULE Main\nPROC main()\nMoveL p,v1,fine,tool0;\nMoveL q,v1,fine,tool0;\nENDPROC\nENDMODULE\n";
+    let report = checked("without_orientation", IRB, &[("Data.mod", &data), ("Main.mod", main)]);
+    assert!(report.cautions[0].ends_with("uses its numbers: line 4 (r)"), "{:?}", report.cautions);
+}
+
+#[test]
 fn targets_that_nothing_uses_are_told_in_one_sentence() {
     let main = "MODULE Main\nCONST robtarget p:=TARGET;\nCONST robtarget q:=TARGET;\nPERS robtarget w{2}:=[TARGET,TARGET];\nPROC main()\nMoveL p,v1,fine,tool0;\nENDPROC\nENDMODULE\n";
     let report = checked("unused", IRB, &[("Main.mod", main)]);

@@ -101,6 +101,21 @@ fn where_nothing_sets_a_tool_it_is_said_which_one_is_taken() {
 }
 
 #[test]
+fn data_without_an_orientation_are_unused_only_where_nothing_uses_them() {
+    let declared = |name| format!("PERS robtarget {name}:=[[0,0,0],[0,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n");
+    let text = ["to", "copied", "given", "read", "set", "left"].map(declared).concat()
+        + "PROC main()\nVAR robtarget q;\nMoveL to,v1,fine,tool0;\nq:=copied;\nMoveL q,v1,fine,tool0;\nGo given;\n\
+           IF Distance(read.trans,q.trans)>5 Stop;\nset:=CRobT();\nMoveL set,v1,fine,tool0;\nENDPROC\n\
+           PROC Go(robtarget g)\nMoveL g,v1,fine,tool0;\nENDPROC\n";
+    let n = nominal(IRB);
+    let (_, report) = run(text.as_bytes(), Dialect::Rapid, &n, &n, &Frames::default());
+    assert_eq!(report.problems.len(), 3, "{:?}", report.problems);
+    let told = |words: &str| report.cautions.iter().find(|c| c.contains(words)).unwrap();
+    assert!(told("uses their numbers").ends_with(": line 5 (set), line 6 (left)"), "{:?}", report.cautions);
+    assert!(told("other statements use it").ends_with(": line 4 (read)"), "{:?}", report.cautions);
+}
+
+#[test]
 fn data_that_other_statements_read_and_no_motion_goes_to_stay_as_they_are() {
     let text = "PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget a:=TARGET;\nCONST robtarget b:=TARGET;\n\
         CONST jointtarget jAway:=[[5,9E9,9E9,9E9,9E9,9E9],[9E9,9E9,9E9,9E9,9E9,9E9]];\nCONST jointtarget jNear:=[[2,2,2,2,2,2],[9E9,9E9,9E9,9E9,9E9,9E9]];\n\

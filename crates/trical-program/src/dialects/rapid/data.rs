@@ -210,7 +210,8 @@ impl Reader<'_> {
             && q.numbers().iter().all(is_zero)
         {
             // no orientation at all: the arm goes there only if it is set before
-            self.scan.unused.push((p.spans[0].at as usize, self.name));
+            let name = self.key(self.name.text(bytes));
+            self.names.placeholder(name, (p.spans[0].at as usize, self.name));
             self.placeholders = true;
             return true;
         }

@@ -439,7 +439,10 @@ impl Reader<'_> {
         wanted.sort_unstable();
         for name in wanted {
             let set = self.names.set_at(name).filter(|_| self.unset.contains(&name));
-            let Some(at) = set.or_else(|| self.names.defines(name).then_some(0)) else { continue };
+            let Some(at) = set.or_else(|| self.names.defines(name).then_some(0)) else {
+                self.names.missed(name);
+                continue;
+            };
             for setup in self.setups_elsewhere(name) {
                 self.names.fork(Fork::Anywhere);
                 self.names.used(name, setup, Way::To, at);

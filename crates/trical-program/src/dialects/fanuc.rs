@@ -130,6 +130,17 @@ fn statement(line: &[u8]) -> &[u8] {
     text[behind..].strip_prefix(b":").unwrap_or(text).trim_ascii_start()
 }
 
+/// Whether what stands here is a remark, or a statement that was made one.
+fn is_remark(text: &[u8]) -> bool {
+    [&b"!"[..], b"//", b"--"].iter().any(|sign| text.starts_with(sign))
+}
+
+/// A statement without the remark that a person or a generator wrote behind its end.
+fn without_remark(text: &[u8]) -> &[u8] {
+    let is_end = |k: &usize| text[*k] == b';' && is_remark(text[k + 1..].trim_ascii_start());
+    (0..text.len()).find(is_end).map_or(text, |end| &text[..=end])
+}
+
 /// What a position says of the arm, which is motion group 1.
 #[derive(Default)]
 struct Fields<'a> {
@@ -413,12 +424,13 @@ fn register(digits: &[u8]) -> u64 {
 
 /// Where the statement ends whose first line is `from..at`: lines that begin with `:` belong to the one above, as long as that has
 /// no end.
-fn continued(bytes: &[u8], from: usize, mut at: usize, end: usize) -> usize {
+fn continued(bytes: &[u8], mut from: usize, mut at: usize, end: usize) -> usize {
     for line in bytes[at..end].split_inclusive(|b| *b == b'\n') {
-        if bytes[from..at].trim_ascii_end().ends_with(b";") || !line.trim_ascii_start().starts_with(b":") {
+        let has_end = without_remark(&bytes[from..at]).trim_ascii_end().ends_with(b";");
+        if has_end || !line.trim_ascii_start().starts_with(b":") {
             break;
         }
-        at += line.len();
+        (from, at) = (at, at + line.len());
     }
     at
 }
@@ -468,11 +480,11 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
         }
         whole = continued(bytes, begin, at, end);
         let text = statement(line);
-        if text.starts_with(b"!") || text.starts_with(b"//") || text.starts_with(b"--") {
+        if is_remark(text) {
             continue;
         }
         let offset = begin + (text.as_ptr() as usize - line.as_ptr() as usize);
-        let upper = without_names(bytes[offset..whole].to_ascii_uppercase());
+        let upper = without_names(without_remark(&bytes[offset..whole]).to_ascii_uppercase());
         fork(&upper).into_iter().for_each(|fork| names.fork(fork));
         let all = places(&upper);
         for (_, _, digits) in all.iter().filter(|(_, is_register, _)| !is_register) {

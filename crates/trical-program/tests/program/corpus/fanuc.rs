@@ -64,6 +64,12 @@ pub(super) const FANUC: &[Case] = &[
         &[],
     ),
     case(
+        "remarks that name a position, one of them behind the end of a statement",
+        "/PROG A\n/MN\n   1:  !P[2] ;\n   2:  //L P[2] 200mm/sec FINE ;\n   3:  --eg:P[2] ;\n   4:L P[1] 200mm/sec FINE ; !above P[2]\n    :L P[3] 200mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@1\n};\nP[3]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@2\n};\n/END\n",
+        &[12, 22],
+        &[],
+    ),
+    case(
         "a position whose number a register gives: it may be any",
         "/PROG A\n/MN\n   1:L P[R[1]] 200mm/sec FINE ;\n   2:L P[1] 200mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@1\n};\n/END\n",
         &[9, 14],

@@ -394,6 +394,20 @@ impl<'a> Tally<'a> {
         ))
     }
 
+    /// A target that is taken in spite of its turn, in one sentence.
+    pub fn without_turn(&mut self, spot: u32) -> Option<String> {
+        let scan = self.scan;
+        let spot = scan.spots.get(spot as usize)?;
+        let Configuration::Kuka { s, t: Some(t) } = scan.configuration(spot) else { return None };
+        let place = self.place(scan.at(spot), scan.written(spot).name);
+        let status =
+            if s.is_some() { "that fits its S best" } else { "nearest to the target before, or to joints at zero," };
+        Some(format!(
+            "{place}: no joints of the arm have its T {t}, which the controller ignores on a path: the solution {status} is used; a motion to joint \
+             values before it would define it"
+        ))
+    }
+
     /// Targets that nothing uses, in one sentence.
     pub fn unused(&mut self) -> Option<String> {
         let their = |n| if n == 1 { "its" } else { "their" };

@@ -12,7 +12,7 @@ use trical_model::{Cell, Model, Pose, Robot, Scope, Term, Variable};
 
 use crate::branch::Configuration;
 use crate::compensation::{
-    Compensator, Done, MOST_RELATIVE, Shifted, Start, by_measured_torque, eventful, settle_unnamed,
+    Compensator, Done, MOST_RELATIVE, Shifted, Start, Walked, by_measured_torque, eventful, settle_unnamed,
 };
 use crate::dialects::{Dialect, MARK, poses_csv};
 use crate::elsewhere::{Elsewhere, Nowhere};
@@ -98,14 +98,15 @@ pub fn compensate(
     settle_unnamed(&mut scan, &mut known, options);
     let all = Compensator::new(&scan, bytes, nominal, model, &known, options)?;
     let mut writer = Writer::new(bytes, parts, dialect, &scan, options);
-    let shifted = rewrite_all(&all, &scan, &mut writer)?;
-    let mut tally = writer.finish(&all, &shifted)?;
+    let walked = rewrite_all(&all, &scan, &mut writer)?;
+    let mut tally = writer.finish(&all, &walked.shifted)?;
     scan.relative.iter().take(MOST_RELATIVE).for_each(|at| tally.relative(*at, None));
     let called_elsewhere = tally.called_elsewhere();
     // a table says so in its columns, or means the cell's
     let is_unsaid = dialect != Dialect::Csv && options.tool.is_none() && options.frame.is_none();
     let unsaid = if is_unsaid { tally.unsaid() } else { None };
-    let others = [unsaid, tally.homes(), tally.absolutely_accurate(), tally.unused(), tally.only_read()];
+    let without_turn = walked.without_turn.and_then(|spot| tally.without_turn(spot));
+    let others = [unsaid, without_turn, tally.homes(), tally.absolutely_accurate(), tally.unused(), tally.only_read()];
     let sags = options.payload_kg.is_none() && model.terms.iter().any(by_gravity);
     let loads = if sags { tally.loads() } else { None };
     let mut report = tally.report();
@@ -158,8 +159,8 @@ fn check_names(known: &Frames, options: &Options) -> Result<(), String> {
 }
 
 /// Rewrites all targets into `writer`: one thread goes through the program ahead of the others, which rewrite what is known. What they cannot
-/// write, nobody wants. The motions to shifted places are returned.
-fn rewrite_all(all: &Compensator<'_>, scan: &Scan, writer: &mut Writer<'_, '_>) -> Result<Vec<Shifted>, ProgramError> {
+/// write, nobody wants.
+fn rewrite_all(all: &Compensator<'_>, scan: &Scan, writer: &mut Writer<'_, '_>) -> Result<Walked, ProgramError> {
     let threads = std::thread::available_parallelism().map_or(1, usize::from).min(16);
     let size = BLOCK * threads;
     let failed = &AtomicBool::new(false);

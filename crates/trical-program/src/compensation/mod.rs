@@ -8,6 +8,6 @@ mod unnamed;
 
 pub use arms::Compensator;
 pub(crate) use arms::{by_measured_torque, eventful};
-pub use nominal_joints::{MOST_RELATIVE, Shifted, Start};
+pub use nominal_joints::{MOST_RELATIVE, Shifted, Start, Walked};
 pub use rewrite::Done;
 pub use unnamed::settle_unnamed;

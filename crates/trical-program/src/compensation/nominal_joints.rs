@@ -29,6 +29,16 @@ pub struct Shifted {
     start: Start,
 }
 
+/// What the walk through a program tells beside the joints at its targets.
+#[derive(Debug, Default)]
+pub struct Walked {
+    /// Motions to shifted places, the first [`MOST_RELATIVE`] of them.
+    pub shifted: Vec<Shifted>,
+    /// The first target (an index into `Scan::spots`) whose turn no joints of the arm have, and which is taken all the same: the controller does
+    /// not ask for it.
+    pub without_turn: Option<u32>,
+}
+
 /// Where the program's own target is, by the nominal arm, and how it is approached.
 #[derive(Clone, Copy, Debug)]
 pub struct Start {
@@ -53,7 +63,7 @@ struct Walk<'a> {
     open: Vec<(MotionSense, Joints, bool)>,
     /// Loops that move the arm.
     repeated: HashSet<usize>,
-    shifted: Vec<Shifted>,
+    walked: Walked,
 }
 
 fn unknown_sense() -> MotionSense {
@@ -100,9 +110,9 @@ impl Walk<'_> {
         };
         self.sense.push(&q);
         self.last = q;
-        if self.shifted.len() < MOST_RELATIVE {
+        if self.walked.shifted.len() < MOST_RELATIVE {
             let start = Start { q, dir: self.sense.sense() };
-            self.shifted.push(Shifted { spot, at, shift, start });
+            self.walked.shifted.push(Shifted { spot, at, shift, start });
         }
     }
 
@@ -116,14 +126,32 @@ impl Walk<'_> {
         }
     }
 
+    /// The joints at a target, and the configuration in which they reach it. On a path the controller asks for none, and a turn that no joints of
+    /// the arm have says nothing: what else the text says is taken.
+    fn solve(&mut self, index: u32, spot: &Spot) -> (Result<Joints, String>, Configuration) {
+        let demanded = self.demanded(index);
+        let found = self.all.start(spot, demanded, &self.last, &mut self.ws);
+        let is_asked = !self.on_path || self.asked.contains(&index);
+        match demanded {
+            Configuration::Kuka { s, t: Some(_) } if found.is_err() && !is_asked => {
+                let left = s.map_or(Configuration::Free, |_| Configuration::Kuka { s, t: None });
+                let found = self.all.start(spot, left, &self.last, &mut self.ws);
+                if found.is_ok() {
+                    self.walked.without_turn.get_or_insert(index);
+                }
+                (found, left)
+            }
+            _ => (found, demanded),
+        }
+    }
+
     /// The joints at a target are those of its first visit, which returns them; a target without a solution is passed over.
     fn go_to(&mut self, index: u32, spot: &Spot) -> Option<Result<Start, String>> {
-        let demanded = self.demanded(index);
         let known = self.again.get(&index).copied().flatten();
-        let q = match known {
-            Some(Ok(q)) => Ok(q),
+        let (q, demanded) = match known {
+            Some(Ok(q)) => (Ok(q), self.demanded(index)),
             Some(Err(())) => return None,
-            None => self.all.start(spot, demanded, &self.last, &mut self.ws),
+            None => self.solve(index, spot),
         };
         if let Ok(q) = &q {
             self.sense.push(q);
@@ -198,13 +226,13 @@ impl Compensator<'_> {
     /// Joints of the nominal arm at every target, in the order of the program: each continues from the one before. Targets
     /// that no motion names come last, in the order of the file. `give` gets them in blocks of `size`, in the order of the file,
     /// each as soon as it is known: what is done with it need not wait for the rest. `unwanted` is asked before each target; when
-    /// it says true, nothing more is solved or given. Motions to shifted places are returned, the first [`MOST_RELATIVE`] of them.
+    /// it says true, nothing more is solved or given.
     pub fn starts(
         &self,
         size: usize,
         give: &mut dyn FnMut(Vec<Result<Start, String>>),
         unwanted: &dyn Fn() -> bool,
-    ) -> Vec<Shifted> {
+    ) -> Walked {
         let (once, again) = self.visited();
         let unvisited = (0..).zip(once).filter(|(_, once)| !once).map(|(k, _)| Visit::To(k));
         let mut walk = Walk {
@@ -218,7 +246,7 @@ impl Compensator<'_> {
             again: again.into_iter().map(|spot| (spot, None)).collect(),
             open: Vec::new(),
             repeated: self.moving_loops(),
-            shifted: Vec::new(),
+            walked: Walked::default(),
         };
         // from target `given` on: what is known of each, up to the last of which something is; `known` of them without a gap
         let (mut given, mut known, mut waiting) = (0, 0, VecDeque::new());
@@ -232,7 +260,7 @@ impl Compensator<'_> {
         let in_order = order.filter_map(|k| Some((k, visits.get(k).copied()?)));
         for (index, visit) in in_order.chain((visits.len()..).zip(unvisited)) {
             if unwanted() {
-                return walk.shifted;
+                return walk.walked;
             }
             // of a target that no motion names its own configuration is all that is known
             walk.on_path &= index < visits.len();
@@ -272,7 +300,7 @@ impl Compensator<'_> {
             let block = waiting.drain(..size.min(waiting.len()));
             give(block.map(|start| start.unwrap_or_else(lost)).collect());
         }
-        walk.shifted
+        walk.walked
     }
 
     /// How far the arm is off at a shifted place before and after its target was rewritten, by the model, m. `wanted` is where the

@@ -103,6 +103,32 @@ fn a_turn_is_read_and_written_in_its_own_form() {
     }
 }
 
+#[test]
+fn a_turn_that_no_joints_have_refuses_a_motion_from_point_to_point_and_is_told_on_a_path() {
+    let n = nominal(KR6);
+    let q = [10.0, -80.0, 95.0, 20.0, 45.0, -10.0];
+    let p = flange(&n, &q).compose(&device());
+    let [a, b, c] = angles_zyx(&p.rotation).map(|a| format!("{:.9}", a.to_degrees()));
+    let [x, y, z] = mm(&p).map(|x| format!("{x:.7}"));
+    let asked = |motion: &str, status: &str| {
+        let text = format!("{motion} {{X {x},Y {y},Z {z},A {a},B {b},C {c},{status}}}\n");
+        let (out, report) = run(text.as_bytes(), Dialect::Krl, &n, &real(&n), &Frames::default());
+        (String::from_utf8(out).unwrap(), report)
+    };
+    let (_, report) = asked("PTP", "S 2,T 63");
+    assert!(report.problems[0].what.contains("(T 63)"), "{:?}", report.problems);
+    let (out, report) = asked("LIN", "S 2,T 63");
+    assert!(report.problems.is_empty() && out.contains("S 2,T 63}"), "{:?} {out}", report.problems);
+    assert!(report.cautions.iter().any(|c| c.contains("line 1") && c.contains("T 63")), "{:?}", report.cautions);
+    // the status is all that is left to say how the arm stands
+    let off =
+        |q: [f64; 6]| report.rows[0].joints.iter().zip(q).map(|(a, b)| (a.to_degrees() - b).abs()).fold(0.0, f64::max);
+    assert!(off(q) < 1.0, "{:?}", report.rows[0].joints.map(f64::to_degrees));
+    // a turn that the arm has is taken
+    let (_, report) = asked("LIN", "S 2,T 34");
+    assert!(report.problems.is_empty() && report.cautions.iter().all(|c| !c.contains("T 34")), "{:?}", report.cautions);
+}
+
 /// A listing that goes to the flange's place at these joints (deg), with turn numbers.
 fn listing(n: &Model, q: &[f64; 6], turns: &str) -> String {
     let p = pose(0.0, 0.0, 330.0, 0.0, 0.0, 0.0).inverse().compose(&flange(n, q));

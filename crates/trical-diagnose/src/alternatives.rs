@@ -119,3 +119,119 @@ impl Undecided<'_> {
         self.models.iter().enumerate().map(of).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use std::sync::LazyLock;
+
+    use trical_ident::ErrorSummary;
+    use trical_ident::fit::residuals::position_errors;
+    use trical_model::{Axis, Basis, Motion, Place, Shape, Site, Task};
+
+    use super::*;
+    use crate::diagnosis::Rival;
+    use crate::effect_id::EffectId;
+    use crate::options::Options;
+    use crate::procedure::diagnose;
+    use crate::test_data::{off, with_joints};
+
+    /// A diagnosis that is sure of gaps in joints 3 and 5, and of nothing else; it is made once.
+    fn diagnosis() -> Diagnosis {
+        static MADE: LazyLock<Diagnosis> = LazyLock::new(|| {
+            let gap = |joint, size| (joint, Basis::direction(joint), size);
+            let (truth, data) = with_joints(&[gap(3, -4e-4), gap(5, -2e-4)]);
+            diagnose(&truth.robot, &truth.cell, &data, &Options::default(), &Task::silent()).unwrap()
+        });
+        let mut d = MADE.clone();
+        let sites: Vec<Place> = d.findings.iter().map(|f| f.site).collect();
+        assert_eq!(sites, [Place::Joint(3), Place::Joint(5)]);
+        for (f, grounds) in d.findings.iter_mut().zip(&mut d.grounds.findings) {
+            f.confidence = 0.99;
+            f.rivals.clear();
+            grounds.1.clear();
+        }
+        d
+    }
+
+    /// One more rival of the first finding, whose coefficient is zero to within `scale`.
+    fn rival(d: &mut Diagnosis, effect: EffectId, scale: f64) {
+        d.findings[0].rivals.push(Rival { effect, site: Place::Joint(3), delta_bic: 1.0 });
+        let candidate = off(effect.into(), 3, Shape::Linear);
+        d.grounds.findings[0].1.push(Candidate { scales: vec![scale], ..candidate });
+    }
+
+    fn rms_mm(model: &Model, d: &Diagnosis) -> f64 {
+        ErrorSummary::of(&position_errors(&Forward::new(model.clone(), Vec::new()).unwrap(), &d.data)).rms_mm
+    }
+
+    #[test]
+    fn the_least_sure_finding_is_undecided_and_what_is_sure_only_if_it_has_a_rival() {
+        let asked = |d: &Diagnosis| d.undecided().unwrap().map(|u| u.finding.site);
+        let mut d = diagnosis();
+        assert_eq!(asked(&d), None);
+        (d.findings[0].confidence, d.findings[1].confidence) = (0.8, 0.6);
+        assert_eq!(asked(&d), Some(Place::Joint(5)));
+        let mut d = diagnosis();
+        d.findings[1].confidence = 0.995;
+        rival(&mut d, EffectId::GearRatio, 1e-3);
+        assert_eq!(asked(&d), Some(Place::Joint(3)));
+    }
+
+    #[test]
+    fn without_a_rival_a_finding_stands_against_an_arm_without_it() {
+        let mut d = diagnosis();
+        d.findings[0].confidence = 0.8;
+        d.findings[0].session = Some(2);
+        let u = d.undecided().unwrap().unwrap();
+        assert_eq!(u.names, ["backlash or friction wind-up at joint 3 in session 2", "nothing"]);
+        // one number less, and what was found elsewhere stays
+        assert_eq!((u.shared.len(), u.models[1].terms.len()), (d.model.terms.len() - 1, d.model.terms.len() - 1));
+        let gaps = |m: &Model| m.terms.iter().filter(|t| t.effect == "lost_motion_direction").count();
+        assert_eq!([gaps(&u.models[0]), gaps(&u.models[1])], [2, 1]);
+        assert!(rms_mm(&u.models[1], &d) > 2.0 * rms_mm(&u.models[0], &d));
+        let free: Vec<usize> = u.forwards().unwrap().iter().map(|f| f.free().len()).collect();
+        assert_eq!(free, [u.shared.len(), 0]);
+    }
+
+    #[test]
+    fn a_rival_stands_in_the_place_of_the_finding_at_sizes_that_are_usual() {
+        let mut d = diagnosis();
+        rival(&mut d, EffectId::GearRatio, 1e-12);
+        [(); 5].iter().for_each(|()| rival(&mut d, EffectId::JointHarmonic, 1e-3));
+        let u = d.undecided().unwrap().unwrap();
+        assert_eq!(u.names.len(), 1 + RIVALS_COMPARED);
+        assert!(u.names[1].ends_with(" at joint 3") && u.names[1] != u.names[0], "{:?}", u.names);
+        let own = u.models[1].terms.last().unwrap();
+        assert_eq!((own.name.as_str(), u.models[1].terms.len()), ("rival_t", d.model.terms.len()));
+        assert!(own.value.abs() < 1e-11 && u.models[2].terms.last().unwrap().value.abs() > 1e-7, "{}", own.value);
+    }
+
+    /// Three numbers of each of 200 touches follow a shift of the tool as a whole, each axis at right angles to the others.
+    #[test]
+    fn what_is_known_of_shared_terms_is_in_units_of_the_noise() {
+        let mut d = diagnosis();
+        d.findings[0].confidence = 0.8;
+        let u = d.undecided().unwrap().unwrap();
+        let at = |axis| {
+            let is_it = |t: &usize| d.model.terms[*t].site == Site::Tool(Motion::Along(axis));
+            u.shared.iter().position(is_it).unwrap()
+        };
+        let [x, y] = [Axis::X, Axis::Y].map(at);
+        let p = u.shared.len();
+        let expected = d.data.observations.len() as f64 / u.sigma.powi(2);
+        assert!((u.information[x * p + x] / expected - 1.0).abs() < 1e-3, "{} {expected}", u.information[x * p + x]);
+        assert!(u.information[x * p + y].abs() < 1e-3 * expected);
+        assert!((u.sigma / 1e-5 - 1.0).abs() < 0.1, "{}", u.sigma);
+    }
+
+    #[test]
+    fn what_comes_next_comes_after_the_last_measurement_with_its_temperature_and_load() {
+        let mut d = diagnosis();
+        let last = &mut d.data.observations.last_mut().unwrap().state;
+        (last.t, last.temp_c, last.payload_kg) = (Some(900.0), Some(27.0), Some(5.0));
+        let next = d.next_state();
+        assert_eq!([next.t, next.seq, next.temp_c, next.payload_kg], [900.0, 199.0, 27.0, 5.0].map(Some));
+        assert_eq!((next.q, next.dir), ([0.0; MAX_JOINTS], None));
+    }
+}

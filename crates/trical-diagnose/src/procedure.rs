@@ -555,7 +555,7 @@ fn arm_parameters(model: &Model) -> usize {
 mod tests {
     #![allow(clippy::unwrap_used)]
 
-    use trical_model::{Basis, Shape, State, Variable};
+    use trical_model::{Basis, Shape, Site, State, Variable};
 
     use super::*;
     use crate::test_data::{off, with_joint_2};
@@ -646,5 +646,50 @@ mod tests {
                 && said.contains("off by 0.500 mm (mean), the plain one by 0.400 mm"),
             "{said}"
         );
+    }
+
+    #[test]
+    fn another_zero_is_the_models_where_the_newest_session_has_it_and_half_of_it_where_nobody_knows_which_of_two() {
+        let of_session = |session| {
+            let mut c = off(EffectId::JointZeroShift.into(), 3, Shape::Linear);
+            c.terms[0].basis = Basis::CONSTANT.in_session(session);
+            (vec![c], Vec::new())
+        };
+        let told = |sessions: &[u32], names: &[&str]| {
+            let grounds: Vec<_> = sessions.iter().map(|s| of_session(*s)).collect();
+            another_zero(&grounds, &names.iter().map(ToString::to_string).collect::<Vec<_>>())
+        };
+        let dated = ["a-2026-03-01.csv", "b-2026-03-05.csv", "c-2026-03-03.csv"];
+        assert!(
+            told(&[2], &dated).unwrap().starts_with("joint 3 has another zero in b-2026-03-05.csv, the newest session")
+        );
+        // as it was before, which is not how it is now
+        assert_eq!((told(&[3], &dated), told(&[], &["a", "b"])), (None, None));
+        assert!(told(&[1], &["a", "b"]).unwrap().contains("in a than in b, and two sessions cannot show which"));
+        let of_four = told(&[2, 4], &["a", "b", "c", "d"]).unwrap();
+        assert!(of_four.starts_with(
+            "joint 3 has another zero in b and d than in the others; the model has that of the others. Where b is"
+        ));
+        assert!(told(&[2], &["a", "b", "c"]).unwrap().contains("in b than in the others;"));
+    }
+
+    #[test]
+    fn what_is_left_of_means_of_readings_is_the_gauges_unless_it_is_much_larger_than_they_differ() {
+        let told = |left, freedom| read_several_times(Scatter { sd: 2e-5, readings: 4.0, freedom }, left);
+        // the means of four differ by 0.01 mm
+        assert_eq!(told(1.4e-5, 400), "poses were read 4 times in a row: the mean of each counts as one measurement");
+        let said = told(1.6e-5, 400);
+        assert!(said.contains("differ by 0.020 mm, and what is left of their means is 0.016 mm"), "{said}");
+        // so few may differ by so little by chance
+        assert!(!told(2.9e-5, 4).contains("differ") && told(3.1e-5, 4).contains("differ"));
+    }
+
+    #[test]
+    fn parameters_of_instruments_are_not_counted_as_the_arms() {
+        let mut model = crate::test_data::arm();
+        let x = trical_model::Motion::Along(trical_model::Axis::X);
+        let term = |site| Term::new("t", "t", site, Basis::CONSTANT);
+        model.terms = vec![term(Site::Tool(x)), term(Site::Frame { frame: 0, motion: x }), term(Site::Base(x))];
+        assert_eq!(arm_parameters(&model), 2);
     }
 }

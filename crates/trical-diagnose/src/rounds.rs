@@ -634,3 +634,6 @@ fn longest_recording(data: &Dataset) -> usize {
 fn temper(data: &Dataset) -> f64 {
     (6.0 * data.used_poses().len() as f64 / data.scalars() as f64).min(1.0)
 }
+
+#[cfg(test)]
+mod tests;

@@ -172,3 +172,100 @@ pub fn render(t: &Calibration, mut made: Made) -> Result<String> {
     let title = page::title("Identification", &f.model.robot.name, &f.data.names);
     page::render(&title, &verdict, &sections, &made)
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use trical_ident::HeldOut;
+
+    use super::*;
+    use crate::test_data::calibration;
+
+    fn error(mm: f64) -> ErrorSummary {
+        ErrorSummary::of(&[mm * 1e-3; 4])
+    }
+
+    /// A calibration of which all is well: from 1 to 0.1 mm, and as good at poses that it did not see.
+    fn good() -> Calibration {
+        let mut t = calibration();
+        (t.before, t.errors) = (error(1.0), error(0.1));
+        t.held_out = HeldOut { by_block: Some(error(0.12)), forward: Some(error(0.14)), ..HeldOut::default() };
+        t
+    }
+
+    fn says(t: &Calibration, text: &str) -> bool {
+        concerns(t).unwrap().iter().any(|c| c.contains(text))
+    }
+
+    #[test]
+    fn the_verdict_has_the_largest_error_at_unseen_poses_and_how_they_were_left_out() {
+        let said = verdict(&good(), 2);
+        let parameters = good().fitted.free.len();
+        assert!(said.starts_with(&format!("{parameters} parameters lower the mean position error at 90 ")), "{said}");
+        assert!(said.contains("from 1.000 mm (largest 1.000) to 0.100 mm (largest 0.100)."), "{said}");
+        assert!(said.contains("did not see (forward in time) it is 0.140 mm (largest 0.140)."), "{said}");
+        assert!(said.ends_with(" Check 2 points before signing."), "{said}");
+    }
+
+    #[test]
+    fn a_model_no_better_than_the_nominal_arm_is_not_to_be_used() {
+        let mut t = good();
+        assert!(!says(&t, "do not use it"));
+        t.before = t.errors;
+        assert!(says(&t, "The model is no better than the nominal arm: do not use it."));
+    }
+
+    #[test]
+    fn an_error_at_unseen_poses_that_is_half_as_large_again_says_that_there_are_too_many_parameters() {
+        let mut t = good();
+        assert!(!says(&t, "too many parameters for these measurements"));
+        t.held_out.by_block = Some(error(0.16));
+        assert!(says(&t, "by block of poses) is 1.6 times that of the fit: the model has too many parameters"));
+        assert!(!says(&t, "Nothing was scored"));
+        t.held_out = HeldOut::default();
+        assert!(says(&t, "Nothing was scored at poses that the fit did not see"));
+    }
+
+    #[test]
+    fn folds_that_were_asked_for_stand_in_the_place_of_the_usual_ones() {
+        let told = |t: &Calibration| {
+            unseen(t).into_iter().map(|(how, e)| (how, format!("{:.2}", e.mean_mm))).collect::<Vec<_>>()
+        };
+        let mut t = good();
+        let [block, forward] = [BY_BLOCK, FORWARD].map(|how| format!("{UNSEEN}{how}"));
+        assert_eq!(told(&t), [(block.clone(), "0.12".into()), (forward.clone(), "0.14".into())]);
+        t.cross_validation = Some((5, error(0.2)));
+        assert_eq!(told(&t), [(format!("{block}, 5 folds"), "0.20".into()), (forward, "0.14".into())]);
+        (t.cross_validation, t.forward_in_time) = (None, Some((30, error(0.3))));
+        assert_eq!(
+            told(&t),
+            [("last 30 % of the poses, by a fit to those before".into(), "0.30".into()), (block, "0.12".into())]
+        );
+    }
+
+    #[test]
+    fn rejected_rows_are_counted_among_all_and_gross_errors_that_were_kept_are_told() {
+        let mut t = good();
+        assert!(!says(&t, "Rejected") && !says(&t, "Gross errors were kept"));
+        (t.rejected, t.cleaned) = (3, false);
+        assert!(says(&t, "Rejected: 3 of 93 rows;") && says(&t, "Gross errors were kept"));
+    }
+
+    #[test]
+    fn a_parameter_that_a_limit_stopped_is_marked_and_correlated_pairs_stand_in_a_table() {
+        let mut t = good();
+        let p = t.fitted.free.len();
+        let name = |t: &Calibration, k: usize| t.fitted.model.terms[t.fitted.free[k]].name.clone();
+        t.fitted.at_limit = vec![t.fitted.free[1]];
+        // the first two move against each other, no others do
+        t.fitted.covariance = vec![0.0; p * p];
+        (0..p).for_each(|k| t.fitted.covariance[k * p + k] = 4.0);
+        (t.fitted.covariance[1], t.fitted.covariance[p]) = (-3.8, -3.8);
+        let section = parameters(&t);
+        let marked: Vec<&str> =
+            section.tables[0].iter().filter(|r| r[6].contains("at its limit")).map(|r| r[0].as_str()).collect();
+        assert_eq!(marked, [name(&t, 1)]);
+        assert_eq!(section.tables[1][1..], [[name(&t, 0), name(&t, 1), "-0.950".into()]]);
+        assert!(says(&t, &format!("beyond which the data would go: {}.", name(&t, 1))));
+    }
+}

@@ -195,24 +195,16 @@ pub fn render(robot: &Robot, cell: &Cell, summary: &PlanSummary, made: &Made) ->
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
-    use trical_ident::{ParameterSet, model_of_touches};
-    use trical_model::Task;
-    use trical_plan::{PlanOptions, plan_touches};
+    use trical_diagnose::EffectId;
+    use trical_model::Place;
 
     use super::*;
+    use crate::detectability::Seen;
+    use crate::test_data::{arm, plan_summary};
 
     #[test]
     fn of_the_places_that_were_tried_those_that_were_not_refused_are_kept() {
-        let of_arm = crate::test_data::arm();
-        let model = model_of_touches(&of_arm.robot, &of_arm.cell, ParameterSet::Geometry).unwrap();
-        let options = PlanOptions {
-            per_ball: 12,
-            pool_per_ball: 30,
-            parameters: Some(model.terms.clone()),
-            ..PlanOptions::default()
-        };
-        let plan = plan_touches(&of_arm.robot, &of_arm.cell, &options, &Task::silent()).unwrap();
-        let rows = refused(&PlanSummary::new(&model, plan, options).unwrap());
+        let rows = refused(&plan_summary());
         assert_eq!(rows.len(), 4);
         for row in &rows[1..] {
             let [tried, kept] = [1, 2].map(|k| row[k].parse::<usize>().unwrap());
@@ -229,5 +221,51 @@ mod tests {
             " With these touches the mean square error where the tool works is 1.5 times smaller than with random ones."
         );
         assert_eq!(gain(Criterion::Weakest, f64::INFINITY), "");
+    }
+
+    #[test]
+    fn a_joint_is_reached_moving_down_where_its_angle_at_the_approach_is_larger() {
+        let (arm, mut summary) = (arm(), plan_summary());
+        let rows = coverage(&arm.robot, &arm.cell, &summary).unwrap();
+        for (k, row) in rows[1..].iter().enumerate() {
+            // a milliradian and less is no motion
+            let down = summary.plan.entries.iter().filter(|e| e.approach[k] > e.joints[k] + 1e-3).count();
+            assert_eq!(row[5], down.to_string(), "joint {}", k + 1);
+        }
+        assert_eq!(rows[1][4], "0.0 to 0.0", "gravity has no torque about an upright axis");
+        assert_ne!(rows[2][4], "0.0 to 0.0");
+        summary.plan.expected.senses[1] = [1, 2];
+        assert_eq!(coverage(&arm.robot, &arm.cell, &summary).unwrap()[2][5..], ["1", "2", "33"]);
+    }
+
+    #[test]
+    fn the_verdict_has_the_mean_error_of_either_region_or_that_the_touches_are_too_few() {
+        let (cell, mut summary) = (arm().cell, plan_summary());
+        let of =
+            |mm: f64| Some(PredictedError { mean_m: mm * 1e-3, rms_m: 2e-3 * mm, worst_rms_m: 3e-3 * mm, poses: 100 });
+        (summary.plan.expected.in_sphere, summary.plan.expected.in_workspace) = (of(0.1), None);
+        summary.options.noise_m = 2e-5;
+        summary.seen.iter_mut().for_each(|s| s.lambda = 3.0);
+        summary.lacking.truncate(2);
+        let said = verdict(&cell, &summary);
+        assert!(said.starts_with("36 touches of 3 balls. With a noise of 0.02 mm "), "{said}");
+        assert!(said.contains("is 0.100 mm on average in the sphere and an unknown error in the whole"), "{said}");
+        assert!(said.ends_with("complete. 2 of the known effects would not be seen at one place or more."), "{said}");
+        assert_eq!(error_row("here", of(0.1)), ["here", "0.100", "0.200", "0.300"]);
+        summary.plan.expected.sd[3] = f64::INFINITY;
+        let parameters = summary.parameters.len();
+        let few = format!("36 touches of 3 balls: too few to determine the {parameters} parameters.");
+        assert_eq!(verdict(&cell, &summary), few);
+    }
+
+    #[test]
+    fn what_is_seen_least_stands_first() {
+        let mut summary = plan_summary();
+        let of =
+            |joint, lambda| Seen { effect: EffectId::GearRatio, site: Place::Joint(joint), lambda, remedy: "more" };
+        summary.seen = vec![of(1, 4.0), of(2, 0.26), of(3, 2.0)];
+        let rows = all_effects(&summary);
+        assert_eq!([1, 2, 3].map(|k| rows[k][2].as_str()), ["0.3", "2.0", "4.0"]);
+        assert_eq!(rows[1][1], "joint 2");
     }
 }

@@ -174,3 +174,67 @@ pub fn rejected(plan: &Plan) -> BTreeMap<String, usize> {
     plan.rejected.iter().for_each(|r| all.add(r));
     all.reasons().into_iter().map(|(reason, n)| (reason.to_owned(), n)).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::test_data::{plan, plan_summary};
+
+    #[test]
+    fn each_parameter_has_the_standard_deviation_that_is_expected_of_it() {
+        let (model, mut plan, options) = plan();
+        let names = plan.expected.parameters.clone();
+        // in another order than the model's, and one of them cannot be told apart
+        plan.expected.parameters.reverse();
+        plan.expected.sd = (1..).map(|k| f64::from(k) * 1e-6).take(names.len()).collect();
+        let (left_out, _) = (plan.expected.parameters.remove(0), plan.expected.sd.remove(0));
+        let summary = PlanSummary::new(&model, plan, options).unwrap();
+        let told: Vec<&str> = summary.parameters.iter().map(|s| s.name.as_str()).collect();
+        assert_eq!(told, names[..names.len() - 1]);
+        assert_eq!(left_out, names[names.len() - 1]);
+        let last = summary.parameters.last().unwrap();
+        let per_si = if last.unit == "mm" { 1e3 } else { 1.0_f64.to_degrees() };
+        assert!((last.sd.unwrap() - 2e-6 * per_si).abs() < 1e-12, "{last:?}");
+    }
+
+    #[test]
+    fn touches_come_from_what_was_kept_and_errors_are_told_in_mm() {
+        let mut summary = plan_summary();
+        let error = PredictedError { mean_m: 1e-4, rms_m: 2e-4, worst_rms_m: 3e-4, poses: 100 };
+        (summary.plan.expected.in_sphere, summary.plan.expected.in_workspace) = (Some(error), None);
+        summary.plan.expected.gain_over_random = 1.5;
+        let lines = summary.lines();
+        assert_eq!(lines[0], "36 touches of 3 balls, chosen from 90 (1.5 times better than a random choice)");
+        let has = |text: &str| lines.iter().any(|l| l == text);
+        assert!(has("  in the sphere: mean 0.100, at the worst pose 0.300 rms"), "{lines:?}");
+        assert!(has("  in the whole workspace: not known, the arm reaches too few poses there"), "{lines:?}");
+        let json = summary.json();
+        assert_eq!((&json["pool"], &json["determined"]), (&json!(90), &json!(true)));
+        assert_eq!(json["expected"]["sphere"], json!({ "mean_mm": 0.1, "rms_mm": 0.2, "worst_rms_mm": 0.3 }));
+        assert_eq!(json["expected"]["workspace"], json!(null));
+        assert_eq!(json["by_ball"][2]["ball"], 3);
+    }
+
+    #[test]
+    fn reasons_for_which_nothing_was_dropped_are_not_told_and_the_others_over_all_balls() {
+        let mut summary = plan_summary();
+        let of = |unreachable| Rejected { attempts: 40, unreachable, ..Rejected::default() };
+        summary.plan.rejected = vec![of(4), of(7)];
+        let dropped: Vec<String> = summary.lines().into_iter().filter(|l| l.contains("dropped")).collect();
+        assert_eq!(dropped, ["      11 candidates dropped: out of reach"]);
+        assert_eq!(summary.pool(), 69);
+    }
+
+    #[test]
+    fn touches_that_do_not_determine_the_parameters_promise_nothing() {
+        let (model, mut plan, options) = plan();
+        plan.expected.sd[0] = f64::INFINITY;
+        let summary = PlanSummary::new(&model, plan, options).unwrap();
+        assert!(summary.seen.is_empty() && summary.json()["determined"] == false);
+        let lines = summary.lines();
+        assert!(lines.last().unwrap().starts_with("These touches do not determine the "), "{lines:?}");
+        assert!(!lines.iter().any(|l| l.contains("expected")), "{lines:?}");
+        assert!(plan_summary().lines().iter().any(|l| l.contains("are expected with standard deviations of")));
+    }
+}

@@ -4,8 +4,15 @@
 use std::sync::LazyLock;
 
 use trical_diagnose::{Diagnosis, Options, diagnose};
-use trical_ident::{Aim, Dataset, ErrorSummary, JointSource, Scatter, SessionErrors, Validation, simulate};
+use trical_ident::calibration::{self, Calibration, calibrate};
+use trical_ident::{
+    Aim, Dataset, ErrorSummary, JointSource, ParameterSet, Scatter, SessionErrors, Validation, model_of_touches,
+    simulate,
+};
 use trical_model::{Basis, Cell, Measured, Model, Recording, Robot, Row, Site, State, Task, Term};
+use trical_plan::{Plan, PlanOptions, plan_touches};
+
+use crate::plan_summary::PlanSummary;
 
 /// A small arm with masses at a platform of three balls, with the shapes of both.
 pub(crate) fn arm() -> Model {
@@ -73,23 +80,58 @@ pub(crate) fn validation(before: f64, after: f64) -> Validation {
     }
 }
 
+/// An arm whose joint 3 has a gap, and 90 touches of it.
+fn with_gap() -> (Model, Recording) {
+    let mut truth = arm();
+    let gap = Term::new("gap", "hidden", Site::Joint { joint: 3 }, Basis::direction(3));
+    truth.terms.push(Term { value: -5e-4, ..gap });
+    // fractional parts of multiples of square roots: no two angles go together
+    let angle = |k: f64, step: f64| 2.0 * ((0.5 + k * step).fract() - 0.5);
+    let row = |k: u32| {
+        let q = [0.4142, 0.7321, 0.2361, 0.6458, 0.3166, 0.6056].map(|step| angle(f64::from(k), step));
+        let dir = std::array::from_fn(|j| if (k * (2 * j as u32 + 3) / 8).is_multiple_of(2) { 1 } else { -1 });
+        (State { seq: Some(f64::from(k)), dir: Some(dir), ..State::at(&q) }, Aim::Ball(k as usize % 3))
+    };
+    let scatter = Scatter { length: 1e-5, angle: 0.0, seed: 3 };
+    let recording = simulate(&truth, &(0..90).map(row).collect::<Vec<_>>(), &scatter, None).unwrap();
+    (truth, recording)
+}
+
 /// A diagnosis of an arm whose joint 3 has a gap; it is made once.
 pub(crate) fn diagnosis() -> Diagnosis {
     static MADE: LazyLock<Diagnosis> = LazyLock::new(|| {
-        let mut truth = arm();
-        let gap = Term::new("gap", "hidden", Site::Joint { joint: 3 }, Basis::direction(3));
-        truth.terms.push(Term { value: -5e-4, ..gap });
-        // fractional parts of multiples of square roots: no two angles go together
-        let angle = |k: f64, step: f64| 2.0 * ((0.5 + k * step).fract() - 0.5);
-        let row = |k: u32| {
-            let q = [0.4142, 0.7321, 0.2361, 0.6458, 0.3166, 0.6056].map(|step| angle(f64::from(k), step));
-            let dir = std::array::from_fn(|j| if (k * (2 * j as u32 + 3) / 8).is_multiple_of(2) { 1 } else { -1 });
-            (State { seq: Some(f64::from(k)), dir: Some(dir), ..State::at(&q) }, Aim::Ball(k as usize % 3))
-        };
-        let scatter = Scatter { length: 1e-5, angle: 0.0, seed: 3 };
-        let recording = simulate(&truth, &(0..90).map(row).collect::<Vec<_>>(), &scatter, None).unwrap();
+        let (truth, recording) = with_gap();
         let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
         diagnose(&truth.robot, &truth.cell, &data, &Options::default(), &Task::silent()).unwrap()
     });
     MADE.clone()
+}
+
+/// A calibration of the same arm; it is made once.
+pub(crate) fn calibration() -> Calibration {
+    static MADE: LazyLock<Calibration> = LazyLock::new(|| {
+        let (truth, recording) = with_gap();
+        let options = calibration::Options::new(ParameterSet::Geometry);
+        calibrate(&truth.robot, &truth.cell, &[recording], &options, &Task::silent()).unwrap()
+    });
+    MADE.clone()
+}
+
+/// The model of a plan of 12 touches of each ball from 30, the plan and its options; it is made once.
+pub(crate) fn plan() -> (Model, Plan, PlanOptions) {
+    static MADE: LazyLock<(Model, Plan, PlanOptions)> = LazyLock::new(|| {
+        let of_arm = arm();
+        let model = model_of_touches(&of_arm.robot, &of_arm.cell, ParameterSet::Geometry).unwrap();
+        let parameters = Some(model.terms.clone());
+        let options = PlanOptions { per_ball: 12, pool_per_ball: 30, parameters, ..PlanOptions::default() };
+        let plan = plan_touches(&of_arm.robot, &of_arm.cell, &options, &Task::silent()).unwrap();
+        (model, plan, options)
+    });
+    MADE.clone()
+}
+
+/// What is said of this plan.
+pub(crate) fn plan_summary() -> PlanSummary {
+    let (model, plan, options) = plan();
+    PlanSummary::new(&model, plan, options).unwrap()
 }

@@ -489,7 +489,7 @@ impl<'a> Parser<'a> {
 
     /// The row of a line; `None` where it is none.
     pub fn row_of(&self, line: &[u8]) -> Option<Row> {
-        let (mut row, rows) = (None, Lines::of(csv_reader(false).from_reader(line), None));
+        let (mut row, rows) = (None, Lines::of(csv_reader(false).from_reader(line), line));
         let mut take = |found| {
             row = Some(found);
             Ok::<_, RecordError>(())
@@ -515,7 +515,7 @@ impl<'a> Parser<'a> {
                 Ok(None) => break,
                 Ok(Some(line)) => number(line),
                 Err(e) => {
-                    let line = number(e.position().map_or(0, csv::Position::line));
+                    let line = number(e.position().map_or(0, |begin| rows.line(begin)));
                     let problem = format!("cannot be read as CSV: {e}");
                     return Err(self.reader.error(format!("line {line}"), problem).into());
                 }
@@ -702,7 +702,7 @@ pub fn parse_csv(bytes: &[u8], file: &str, joints: usize) -> Result<Recording> {
     let header = csv.headers().map_err(|e| problem(&format!("the header cannot be read: {e}")))?.clone();
     let parser = Parser::new(file, &header, joints)?;
     let mut reading = Reading::new(&parser, joints);
-    reading.take(Lines::of(csv, Some(&text)), before)?;
+    reading.take(Lines::of(csv, text.as_bytes()), before)?;
     reading.end(encoded.map(str::to_owned).into_iter().chain(note))
 }
 

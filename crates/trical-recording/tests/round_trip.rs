@@ -276,6 +276,21 @@ fn of_a_large_file_a_sample_is_kept_from_all_over_and_every_row_is_counted() {
 }
 
 #[test]
+fn behind_empty_lines_a_row_has_its_own_number_in_passes_and_at_once() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("points.csv");
+    let head = "q1_deg,q2_deg,x_mm,y_mm,z_mm\n1,2,3,4,5\n";
+    for (rest, line) in [("\n2,2,3,x,5\n", 4), ("\n\n\"2\",2,3,x,5\n", 5), ("2,2,3,4,5\n\n\n2,2,3\n", 6)] {
+        std::fs::write(&path, [head, rest].concat()).unwrap();
+        let in_passes =
+            CsvStream::open(std::slice::from_ref(&path), 2).and_then(|s| s.sample()).unwrap_err().to_string();
+        let at_once = open(&path, Some(2)).unwrap_err().to_string();
+        assert!(in_passes.contains(&format!("line {line}")), "{rest:?}: {in_passes}");
+        assert_eq!(in_passes, at_once);
+    }
+}
+
+#[test]
 fn times_and_all_digits_of_what_is_not_converted_come_back() {
     let dir = tempfile::tempdir().unwrap();
     let text = "t_s,seq,q1_deg,q2_deg,x_mm,y_mm,z_mm,temp_c\n0.30000000000000004,1,10,20,1,2,3,20.1\n12.5,2,10.1,20,1,2,3,20.2\n";

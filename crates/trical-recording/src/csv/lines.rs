@@ -20,9 +20,10 @@ impl Cell {
 
 /// Rows one after the other.
 pub(crate) struct Lines<'a> {
+    text: &'a [u8],
     csv: csv::Reader<&'a [u8]>,
     record: csv::StringRecord,
-    /// The text, where nothing in it is quoted: then its commas and ends of lines divide it.
+    /// The same, where nothing in it is quoted: then its commas and ends of lines divide it.
     plain: Option<&'a str>,
     /// Where the next row begins in it, bytes.
     at: usize,
@@ -31,23 +32,30 @@ pub(crate) struct Lines<'a> {
 }
 
 impl<'a> Lines<'a> {
-    /// The rows that `csv` has not read yet; it is a reader of `text`, where that is one.
-    pub fn of(csv: csv::Reader<&'a [u8]>, text: Option<&'a str>) -> Self {
+    /// The rows that `csv`, a reader of `text`, has not read yet.
+    pub fn of(csv: csv::Reader<&'a [u8]>, text: &'a [u8]) -> Self {
         let (at, line) = (usize::try_from(csv.position().byte()).unwrap_or(usize::MAX), csv.position().line());
-        let plain = text.filter(|text| text.as_bytes().get(at..).is_some_and(|rows| !holds(rows, b'"')));
-        Self { csv, record: csv::StringRecord::new(), plain, at, line, cells: Vec::new() }
+        let is_plain = text.get(at..).is_some_and(|rows| !holds(rows, b'"'));
+        let plain = if is_plain { std::str::from_utf8(text).ok() } else { None };
+        Self { text, csv, record: csv::StringRecord::new(), plain, at, line, cells: Vec::new() }
     }
 
-    /// Goes to the next row, and returns the number of its line: that behind the row before.
+    /// The line of a row that begins here: the crate takes empty lines before it for its beginning.
+    pub(super) fn line(&self, begin: &csv::Position) -> u64 {
+        let from = usize::try_from(begin.byte()).ok().and_then(|at| self.text.get(at..)).unwrap_or(&[]);
+        begin.line() + from.iter().take_while(|b| **b == b'\n').count() as u64
+    }
+
+    /// Goes to the next row, and returns the number of its line.
     pub(super) fn next(&mut self) -> csv::Result<Option<u64>> {
         let Some(text) = self.plain else {
             let found = self.csv.read_record(&mut self.record)?;
             let cell = |range: std::ops::Range<usize>| Cell { begin: range.start, end: range.end, number: f64::NAN };
             self.cells.clear();
             self.cells.extend((0..self.record.len()).filter_map(|k| self.record.range(k)).map(cell));
-            return Ok(found.then(|| self.record.position().map_or(0, csv::Position::line)));
+            return Ok(found.then(|| self.record.position().map_or(0, |begin| self.line(begin))));
         };
-        let (text, line) = (text.as_bytes(), self.line);
+        let text = text.as_bytes();
         while text.get(self.at) == Some(&b'\n') {
             (self.at, self.line) = (self.at + 1, self.line + 1);
         }
@@ -62,7 +70,7 @@ impl<'a> Lines<'a> {
             self.at = end + 1;
             if text.get(end) != Some(&b',') {
                 self.line += 1;
-                return Ok(Some(line));
+                return Ok(Some(self.line - 1));
             }
         }
     }
@@ -148,7 +156,7 @@ mod tests {
 
     fn rows(text: &str) -> Vec<(u64, Vec<(String, f64)>)> {
         let csv = crate::csv::csv_reader(false).from_reader(text.as_bytes());
-        let mut lines = Lines::of(csv, Some(text));
+        let mut lines = Lines::of(csv, text.as_bytes());
         let mut rows = Vec::new();
         while let Some(line) = lines.next().unwrap() {
             let one = |c: &Cell| (c.text(lines.text()).to_owned(), c.number);
@@ -157,12 +165,12 @@ mod tests {
         rows
     }
 
-    /// The same text as the crate divides it, which is what decides where something is quoted.
+    /// The same text as the crate divides it, which is what decides where something is quoted, and the lines in which something stands.
     fn as_quoted(text: &str) -> Vec<(u64, Vec<String>)> {
         let mut csv = crate::csv::csv_reader(false).from_reader(text.as_bytes());
         let records = csv.records().map(|record| record.unwrap());
-        let line = |r: &csv::StringRecord| r.position().unwrap().line();
-        records.map(|r| (line(&r), r.iter().map(|cell| cell.trim().to_owned()).collect())).collect()
+        let lines = (1..).zip(text.split('\n')).filter(|(_, line)| !line.is_empty()).map(|(number, _)| number);
+        lines.zip(records.map(|r| r.iter().map(|cell| cell.trim().to_owned()).collect())).collect()
     }
 
     #[test]
@@ -225,6 +233,6 @@ mod tests {
         let quoted = rows("1,\"a,\n\"\"b\",2\n\n3,4");
         let text: Vec<(u64, Vec<&str>)> =
             quoted.iter().map(|(n, row)| (*n, row.iter().map(|(text, _)| text.as_str()).collect())).collect();
-        assert_eq!(text, [(1, vec!["1", "a,\n\"b", "2"]), (3, vec!["3", "4"])]);
+        assert_eq!(text, [(1, vec!["1", "a,\n\"b", "2"]), (4, vec!["3", "4"])]);
     }
 }

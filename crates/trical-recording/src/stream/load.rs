@@ -22,7 +22,9 @@ pub(crate) fn load(path: &Path, joints: usize) -> Option<Recording> {
     let mut blocks = source.blocks(None).ok()?;
     while let Some(block) = blocks.next().ok()? {
         let text = std::str::from_utf8(&block.bytes).ok().filter(|text| are_plain(text))?;
-        reading.take(Lines::of(csv_reader(false).from_reader(text.as_bytes()), Some(text)), block.lines_before).ok()?;
+        reading
+            .take(Lines::of(csv_reader(false).from_reader(text.as_bytes()), text.as_bytes()), block.lines_before)
+            .ok()?;
     }
     reading.end([]).ok()
 }

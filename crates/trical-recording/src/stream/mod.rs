@@ -54,7 +54,7 @@ impl BlockRows<'_> {
     /// A row that is no measurement, with file, line and column; what `take` returns.
     pub fn each_row<E: From<RecordError>>(&self, take: &mut dyn FnMut(Row) -> Result<(), E>) -> Result<Vec<usize>, E> {
         let bytes = self.block.bytes.as_slice();
-        let rows = Lines::of(csv_reader(false).from_reader(bytes), std::str::from_utf8(bytes).ok());
+        let rows = Lines::of(csv_reader(false).from_reader(bytes), bytes);
         // files with places are not opened
         self.parser.each_row(rows, self.block.lines_before, &mut Places::default(), take)
     }

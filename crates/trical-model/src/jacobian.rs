@@ -52,7 +52,9 @@ impl Forward {
             let own = if joint.kind == JointKind::Prismatic { ChainDof::D } else { ChainDof::Theta };
             let dof = Dof::Chain(i, own);
             let mut sum = self.dof_column(dof, &NOTHING, usize::MAX, &target, ws);
-            self.add_through_moments(dof, ws, 1.0, &mut sum);
+            if !self.moments.is_empty() {
+                self.add_through_moments(dof, ws, 1.0, &mut sum);
+            }
             for (k, index) in &self.varying {
                 let b = &self.bound[*index];
                 let moment = b.moment.map(|m| &ws.moments[m]);
@@ -182,27 +184,21 @@ impl Forward {
     #[inline]
     fn add_action(&self, index: usize, measured: &Measured, ws: &Workspace, sum: &mut [f64; 6]) {
         let b = &self.bound[index];
-        if b.constant {
-            if matches!((self.dofs[b.dof], measured), (Dof::Tool(_), Measured::Point { .. })) {
-                return; // targets have constant places of their own
-            }
-            add(sum, &ws.columns[b.dof], b.weight);
-            self.add_through_moments(self.dofs[b.dof], ws, b.weight, sum);
-        } else {
-            let factor = b.weight * ws.says[index];
-            add(sum, &ws.columns[b.dof], factor);
-            if factor != 0.0 && matches!(self.dofs[b.dof], Dof::PayloadMass | Dof::PayloadMoment(_)) {
-                self.add_through_moments(self.dofs[b.dof], ws, factor, sum);
-            }
+        let dof = self.dofs[b.dof];
+        if b.constant && matches!((dof, measured), (Dof::Tool(_), Measured::Point { .. })) {
+            return; // targets have constant places of their own
+        }
+        let factor = if b.constant { b.weight } else { b.weight * ws.says[index] };
+        add(sum, &ws.columns[b.dof], factor);
+        let is_load = matches!(dof, Dof::PayloadMass | Dof::PayloadMoment(_));
+        if !self.moments.is_empty() && factor != 0.0 && (b.constant || is_load) {
+            self.add_through_moments(dof, ws, factor, sum);
         }
     }
 
     /// Adds what a motion of `dof` does through the gravity moments.
     #[inline]
     fn add_through_moments(&self, dof: Dof, ws: &Workspace, factor: f64, sum: &mut [f64; 6]) {
-        if self.moments.is_empty() {
-            return;
-        }
         let flange = &ws.still.flange;
         let each = |derivative: &dyn Fn(&Moment) -> f64, sum: &mut [f64; 6]| {
             for (m, elastic) in ws.moments.iter().zip(&ws.elastic) {

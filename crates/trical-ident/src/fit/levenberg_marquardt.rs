@@ -25,6 +25,9 @@ const LAMBDA: f64 = 1e-8;
 /// fall either.
 const NEGLIGIBLE: f64 = 1e-3;
 
+/// The last step is the one after which all that would follow move no coefficient by more than this in units of what the data can tell.
+const UNDONE: f64 = 1e-4;
+
 /// More parameters than this are many: their products cost more than everything else, and are kept as long as they predict what steps do.
 const MANY: usize = 150;
 
@@ -277,6 +280,8 @@ impl Solver {
             return Ok(report);
         }
         let mut jacobian_is_new = true;
+        // size of the step before
+        let mut last = 0.0;
         while report.iterations < params.max_iterations {
             trical_model::interrupt::checkpoint()?;
             report.iterations += 1;
@@ -310,6 +315,15 @@ impl Solver {
                 report.ended = Ended::Cost;
                 break;
             }
+            // if each is as much smaller than the one before it as this one, the rest is the sum of a geometric series; it is not asked
+            // where the last step leads
+            if jacobian_is_new && !limited && size * size < UNDONE * (last - size) {
+                x.copy_from_slice(&self.proposal);
+                self.at.cost -= predicted;
+                report.gradient *= size / last;
+                report.ended = Ended::Step;
+                break;
+            }
             forward.set_coefficients(&self.proposal);
             let tried = if many { &mut self.gradient } else { &mut self.tried };
             evaluate(forward, data, noise, known, params.huber, tried);
@@ -332,6 +346,7 @@ impl Solver {
                     std::mem::swap(&mut self.at, &mut self.tried);
                 }
                 jacobian_is_new = true;
+                last = size;
                 report.cost = new_cost;
                 damping.accepted(gain);
                 if small_step || small_fall {

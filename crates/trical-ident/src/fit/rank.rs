@@ -1,5 +1,7 @@
 //! Which columns of a matrix are sums of those before them.
 
+use pulp::{Arch, NullaryFnOnce};
+
 use crate::dense::dot;
 
 /// Orthonormal directions of the columns that are kept, one after the other (modified Gram-Schmidt, with a second pass where the first leaves little:
@@ -27,6 +29,7 @@ impl Direction {
     }
 
     /// Takes its part out of a vector; how much that was.
+    #[inline(always)]
     fn out_of(&self, v: &mut [f64]) -> f64 {
         let v = &mut v[self.from..self.from + self.along.len()];
         let part = dot(&self.along, v);
@@ -37,16 +40,36 @@ impl Direction {
     }
 }
 
+/// Takes the parts of directions out of a vector, one after the other; how much each was.
+struct Out<'a> {
+    of: &'a mut [f64],
+    directions: &'a [Direction],
+}
+
+impl NullaryFnOnce for Out<'_> {
+    type Output = Vec<f64>;
+
+    #[inline(always)]
+    fn call(self) -> Vec<f64> {
+        let mut parts = Vec::with_capacity(self.directions.len() + 1);
+        for direction in self.directions {
+            parts.push(direction.out_of(self.of));
+        }
+        parts
+    }
+}
+
 impl Triangle {
     /// Keeps column `c`, of length one, if it is no sum of those kept so far.
     ///
     /// # Errors
     /// Of a sum: how much of each kept column is in it.
     pub fn keep(&mut self, c: usize, v: &mut [f64]) -> Result<(), Vec<(usize, f64)>> {
-        let mut parts: Vec<f64> = self.directions.iter().map(|u| u.out_of(v)).collect();
+        let out = |of: &mut [f64]| Arch::new().dispatch(Out { of, directions: &self.directions });
+        let mut parts = out(v);
         let mut left = dot(v, v).sqrt();
         if left < LITTLE {
-            self.directions.iter().zip(&mut parts).for_each(|(u, part)| *part += u.out_of(v));
+            parts.iter_mut().zip(out(v)).for_each(|(part, more)| *part += more);
             left = dot(v, v).sqrt();
         }
         if left <= 1e-6 {

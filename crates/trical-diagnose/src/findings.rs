@@ -350,7 +350,9 @@ mod tests {
     use trical_model::{Basis, Shape, Variable};
 
     use super::*;
-    use crate::linear::Design;
+    use crate::correlated_noise::CorrelatedNoise;
+    use crate::linear::{Design, Fitted};
+    use crate::specification_test::probes;
     use crate::test_data::{off as of, with_joint_2, with_joints};
 
     fn ripple(joint: usize, cycles: f64) -> Candidate {
@@ -426,6 +428,7 @@ mod tests {
         assert!(f.evidence.delta_bic > 100.0 && f.evidence.p_value < 1e-20, "{:?}", f.evidence);
         assert_eq!([f.evidence.holdout_rms_before_mm, f.evidence.forward_rms_after_mm], [0.3, 0.4]);
         assert!(f.rivals.is_empty() && rivals.is_empty() && f.next_measurements.is_none(), "{:?}", f.rivals);
+        assert!(f.corrected, "what belongs to the arm");
         assert_eq!((f.scope, f.family, f.site), (Scope::Arm, crate::effects::Family::Transmission, Place::Joint(2)));
     }
 
@@ -483,6 +486,66 @@ mod tests {
             [lack_of_fit(search, start, &[]), lack_of_fit(search, &search.with(start, &all), &all)]
         });
         assert!(bare < 1e-50 && with > 1e-3, "{bare} {with}");
+    }
+
+    /// What probes say of joints that are off by waves of their own angles.
+    fn probed<T>(sizes: [f64; 2], ask: impl Fn(&SpecificationTest<'_>, &Search<'_>, &RegressionState) -> T) -> T {
+        let wave = |joint| Basis::new(Variable::Joint { joint }, Shape::Sine { cycles: 2.0 });
+        let (truth, data) = with_joints(&[(2, wave(2), sizes[0]), (4, wave(4), sizes[1])]);
+        let fitted = identify(&truth.robot, &truth.cell, &data, Choice::from(ParameterSet::Compliance)).unwrap();
+        let probes = probes(&fitted.model, &data);
+        let (candidates, white) = (&probes.candidates, CorrelatedNoise::WHITE);
+        let all = Fitted::all(&fitted.model);
+        let design = Design::weighted(all, candidates, &probes.weights, &data, &fitted.noise, white).unwrap();
+        let test = SpecificationTest { design: &design, probes: &probes, first: 0, temper: 1.0 };
+        ask(&test, &Search::new(&design, candidates, 1.0), &design.start())
+    }
+
+    #[test]
+    fn what_is_left_is_told_the_largest_first_and_not_where_much_more_was_explained() {
+        let told = |sizes, at_2: f64| {
+            probed(sizes, |test, _, start| {
+                let explained = |place| if place == Place::Joint(2) { at_2 * start.ss } else { 0.0 };
+                let held_out = |probe: Option<usize>| if probe.is_some() { 0.2 } else { 0.3 };
+                remaining_lack_of_fit(test, start, &explained, &held_out)
+            })
+        };
+        let own = |all: &[Unexplained], joint| all.iter().find(|u| u.site == Place::Joint(joint)).unwrap().rms_mm;
+        let small = told([1e-3, 1e-4], 0.0);
+        assert_eq!((small[0].site, small[0].variable.as_str()), (Place::Joint(2), "q2"));
+        assert_eq!([small[0].holdout_rms_before_mm, small[0].holdout_rms_after_mm], [0.3, 0.2]);
+        assert!(small.windows(2).all(|w| w[0].rms_mm >= w[1].rms_mm));
+        // twice as large at the joint: twice as large at the tool, but for what noise adds to the smaller
+        let growth = own(&told([1e-3, 2e-4], 0.0), 4) / own(&small, 4);
+        assert!((1.6..2.2).contains(&growth), "{growth}");
+        assert!(told([1e-3, 1e-4], 100.0).iter().all(|u| u.site != Place::Joint(2)));
+    }
+
+    #[test]
+    fn a_probe_is_told_at_a_doubted_place_where_it_says_most_of_what_was_explained_and_beside_a_curve_where_it_says_more()
+     {
+        let joints = [2, 4].map(Place::Joint);
+        let told = |explained: &[Place], doubted: &[Place], known: Option<Place>| {
+            probed([1e-3, 2e-4], |test, search, start| {
+                let best = |place| test.best_probe(start, place).unwrap().0;
+                let full = search.with(start, &explained.iter().map(|p| best(*p).probe).collect::<Vec<_>>());
+                let curve = |place| {
+                    let test_of = best(place);
+                    Unexplained { variable: "seq".into(), ..unexplained_by_probe(test, start, test_of, [0.3, 0.2]) }
+                };
+                let mut all: Vec<Unexplained> = known.into_iter().map(curve).collect();
+                let held_out = |_, _, probe: Option<usize>| if probe.is_some() { 0.2 } else { 0.3 };
+                add_probe_results(test, &full, &mut all, doubted, &|_, _| start.clone(), &held_out);
+                all.into_iter().map(|u| (u.site, u.variable)).collect::<Vec<_>>()
+            })
+        };
+        let [q2, q4] = [(joints[0], "q2".to_owned()), (joints[1], "q4".to_owned())];
+        // joint 4 explains little of what both do
+        assert_eq!(told(&joints, &joints, None), std::slice::from_ref(&q2));
+        assert_eq!(told(&joints[1..], &joints[1..], None), [q4]);
+        let curve = (joints[0], "seq".to_owned());
+        assert_eq!(told(&[], &[], Some(joints[0])), [curve.clone(), q2]);
+        assert_eq!(told(&joints, &[], Some(joints[0])), [curve]);
     }
 
     #[test]

@@ -692,4 +692,17 @@ mod tests {
         model.terms = vec![term(Site::Tool(x)), term(Site::Frame { frame: 0, motion: x }), term(Site::Base(x))];
         assert_eq!(arm_parameters(&model), 2);
     }
+
+    #[test]
+    fn a_finding_lowers_the_error_at_poses_that_were_not_seen_and_what_could_not_be_asked_is_told() {
+        let (truth, data) = with_joint_2(&[(Basis::direction(2), -4e-4)]);
+        let said = diagnose(&truth.robot, &truth.cell, &data, &Options::default(), &Task::silent()).unwrap();
+        let evidence = &said.findings[0].evidence;
+        let [before, after] = [evidence.holdout_rms_before_mm, evidence.holdout_rms_after_mm];
+        assert!(before == said.baseline.holdout_rms_mm && after < 0.5 * before, "{evidence:?}");
+        assert!(said.after.held_out.forward.is_some() && said.findings.len() == 1);
+        // no thermometer, and a gap could have been seen
+        let lacks = |id| said.blind_to.iter().any(|b| b.effect == id && b.lacks.is_some());
+        assert!(lacks(EffectId::ThermalGrowth) && !lacks(EffectId::LostMotionDirection));
+    }
 }

@@ -179,7 +179,8 @@ mod tests {
     use trical_ident::HeldOut;
 
     use super::*;
-    use crate::test_data::calibration;
+    use crate::test_data::{behind, calibration};
+    use trical_ident::fit::identifiability::Dependent;
 
     fn error(mm: f64) -> ErrorSummary {
         ErrorSummary::of(&[mm * 1e-3; 4])
@@ -267,5 +268,27 @@ mod tests {
         assert_eq!(marked, [name(&t, 1)]);
         assert_eq!(section.tables[1][1..], [[name(&t, 0), name(&t, 1), "-0.950".into()]]);
         assert!(says(&t, &format!("beyond which the data would go: {}.", name(&t, 1))));
+    }
+
+    #[test]
+    fn the_page_has_the_nominal_arm_before_what_was_not_identified_and_whether_it_is_of_a_sample() {
+        let page = |t: &Calibration| render(t, Made::by("x".into(), &[])).unwrap().replace('\u{a0}', " ");
+        let mut t = good();
+        t.fitted.dependent.clear();
+        let plain = page(&t);
+        let mean = |of: &str| behind(&plain, of, 1)[0];
+        assert_eq!([mean("before: nominal arm"), mean("after: identified")], ["1.000", "0.100"]);
+        assert_eq!(mean(&format!("{UNSEEN}{BY_BLOCK}")), "0.120");
+        let sample = "These are from a sample of 90 of 1000 measurements.";
+        assert!(!plain.contains("These are from a sample") && !plain.contains("Not identified"));
+        t.observations = 1000;
+        t.fitted.dependent = vec![Dependent { name: "d_2".into(), with: vec!["d_3".into()], held: false }];
+        let told = "Not identified, because other parameters have the same effect: d_2 (moves together with d_3).";
+        assert!(page(&t).contains(sample) && page(&t).contains(told));
+    }
+
+    #[test]
+    fn a_sentence_begins_with_a_capital_and_a_parameter_keeps_its_name() {
+        assert_eq!([begun("the scale is held"), begun("d_2 is held")], ["The scale is held", "d_2 is held"]);
     }
 }

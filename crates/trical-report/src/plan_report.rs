@@ -200,7 +200,7 @@ mod tests {
 
     use super::*;
     use crate::detectability::Seen;
-    use crate::test_data::{arm, plan_summary};
+    use crate::test_data::{arm, behind, plan_summary};
 
     #[test]
     fn of_the_places_that_were_tried_those_that_were_not_refused_are_kept() {
@@ -267,5 +267,26 @@ mod tests {
         let rows = all_effects(&summary);
         assert_eq!([1, 2, 3].map(|k| rows[k][2].as_str()), ["0.3", "2.0", "4.0"]);
         assert_eq!(rows[1][1], "joint 2");
+    }
+
+    #[test]
+    fn the_page_has_each_parameter_with_what_is_expected_of_it_and_what_cannot_be_told_or_seen() {
+        let (arm, mut summary) = (arm(), plan_summary());
+        let page = |summary: &PlanSummary| {
+            let page = render(&arm.robot, &arm.cell, summary, &Made::by("x".into(), &[])).unwrap();
+            page.replace('\u{a0}', " ")
+        };
+        summary.plan.expected.dependent.clear();
+        summary.lacking.clear();
+        let plain = page(&summary);
+        assert!(!plain.contains("Cannot be told from others") && !plain.contains("such a recording lacks"));
+        let own = &mut summary.parameters[0];
+        (own.nominal, own.sd) = (Some(290.0), Some(0.031));
+        summary.plan.expected.dependent = vec!["d_2".into(), "d_3".into()];
+        summary.lacking = vec![(EffectId::ThermalGrowth, "a temperature")];
+        let page = page(&summary);
+        assert_eq!(behind(&page, &summary.parameters[0].name, 2), ["290.000", "0.031"]);
+        assert!(page.contains("Cannot be told from others by these touches: d_2, d_3."));
+        assert!(page.contains(": not visible, such a recording lacks a temperature."));
     }
 }

@@ -178,6 +178,9 @@ pub fn rejected(plan: &Plan) -> BTreeMap<String, usize> {
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
+    use trical_diagnose::EffectId;
+    use trical_model::Place;
+
     use super::*;
     use crate::test_data::{plan, plan_summary};
 
@@ -236,5 +239,23 @@ mod tests {
         assert!(lines.last().unwrap().starts_with("These touches do not determine the "), "{lines:?}");
         assert!(!lines.iter().any(|l| l.contains("expected")), "{lines:?}");
         assert!(plan_summary().lines().iter().any(|l| l.contains("are expected with standard deviations of")));
+    }
+
+    #[test]
+    fn what_such_a_recording_could_not_show_is_told_with_what_would_help_or_what_it_lacks() {
+        let mut summary = plan_summary();
+        let (ratio, growth) = (EffectId::GearRatio, EffectId::ThermalGrowth);
+        let of = |lambda| Seen { effect: ratio, site: Place::Joint(2), lambda, remedy: "more touches" };
+        summary.lacking = vec![(growth, "a temperature")];
+        let told = |summary: &PlanSummary, text: &str| summary.lines().iter().any(|l| l.contains(text));
+        for (lambda, hidden) in [(3.1, false), (2.9, true)] {
+            summary.seen = vec![of(lambda)];
+            assert_eq!(told(&summary, "Effects that this plan would not show"), hidden);
+            assert_eq!(told(&summary, "    would help: more touches"), hidden);
+            let blind = summary.json()["blind_to"].clone();
+            assert_eq!(blind.as_array().unwrap().len(), if hidden { 2 } else { 1 });
+            assert_eq!(blind.as_array().unwrap().last().unwrap()["lacks"], "a temperature");
+        }
+        assert!(told(&summary, "not visible, such a recording lacks a temperature."));
     }
 }

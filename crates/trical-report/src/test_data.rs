@@ -135,3 +135,9 @@ pub(crate) fn plan_summary() -> PlanSummary {
     let (model, plan, options) = plan();
     PlanSummary::new(&model, plan, options).unwrap()
 }
+
+/// What stands behind a text in a page, one cell of a table after the other.
+pub(crate) fn behind<'a>(page: &'a str, text: &str, cells: usize) -> Vec<&'a str> {
+    let all = page.split('<').filter_map(|tag| tag.split_once('>')).map(|(_, shown)| shown.trim());
+    all.filter(|shown| !shown.is_empty()).skip_while(|shown| *shown != text).skip(1).take(cells).collect()
+}

@@ -180,8 +180,9 @@ pub fn render(v: &Validation, file: &ModelFile, mut made: Made) -> Result<String
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::test_data::validation;
-    use trical_ident::{LeftOut, Predicted};
+    use crate::test_data::{behind, validation};
+    use trical_ident::validate::Region;
+    use trical_ident::{LeftOut, Predicted, Rejected};
 
     fn page(v: &Validation) -> String {
         let file = ModelFile::unmeasured(v.model.clone());
@@ -236,5 +237,60 @@ mod tests {
         let page = page(&v);
         assert!(page.contains("as it is in its file, but for what was identified anew here.</p>"));
         assert!(page.contains("Left out: places of the balls (other balls)."));
+    }
+
+    fn region(name: &str, n: usize, [before, after]: [f64; 2]) -> Region {
+        let [before, after] = [before, after].map(|mm| ErrorSummary::of(&[0.5e-3 * mm, 1.5e-3 * mm]));
+        Region { region: name.into(), n, before, after }
+    }
+
+    #[test]
+    fn a_region_that_is_much_worse_than_the_mean_or_no_better_than_nominal_is_named() {
+        let mut v = validation(1.0, 0.2);
+        v.regions = vec![region("q1 low", 40, [1.0, 0.1]), region("q1 high", 40, [1.0, 0.3])];
+        assert!(!concerns(&v).unwrap().iter().any(|c| c.contains("region")));
+        v.regions[0].after.mean_mm = 0.5;
+        // so few say nothing of a region
+        v.regions.push(region("q2 low", 4, [1.0, 0.9]));
+        v.regions.push(region("q2 high", 9, [0.3, 0.35]));
+        let told: Vec<String> = concerns(&v).unwrap().into_iter().filter(|c| c.contains("region")).collect();
+        assert_eq!(
+            told,
+            [
+                "Errors differ from region to region: 0.500 mm on average for q1 low.",
+                "In 1 of 4 regions the model is no better than the nominal arm."
+            ]
+        );
+        assert_eq!(behind(&page(&v), "q2 low", 5), ["4", "1.000", "1.500", "0.900", "1.350"]);
+    }
+
+    #[test]
+    fn intervals_that_hold_too_few_and_rejected_rows_are_to_be_looked_at() {
+        let mut v = validation(1.0, 0.5);
+        let told = |v: &Validation, text: &str| concerns(v).unwrap().iter().any(|c| c.starts_with(text));
+        let [narrow, rejected] = ["Of the coordinates 85 % lie within", "Rejected: 1 row;"];
+        let holds = |covered| {
+            Some(Predicted { sd_mm: 1.0, parameters_sd_mm: 0.5, covered, covered_visited: None, covered_beyond: None })
+        };
+        v.predicted = holds(0.95);
+        assert!(!told(&v, "Of the coordinates") && !told(&v, "Rejected"));
+        v.predicted = holds(0.85);
+        v.rejected.push(Rejected { recording: "r0.csv".into(), line: 7, row: 6, reason: "gross error".into() });
+        assert!(told(&v, narrow) && told(&v, rejected));
+        assert_eq!(behind(&page(&v), "r0.csv", 2), ["line 7", "gross error"]);
+    }
+
+    #[test]
+    fn the_table_of_errors_has_the_nominal_arm_before_and_that_of_parameters_those_that_were_identified() {
+        let mut v = validation(1.0, 0.5);
+        let term = |name: &str, sd| {
+            let site = trical_model::Site::Joint { joint: 1 };
+            trical_model::Term { sd, ..trical_model::Term::new(name, "geometry", site, trical_model::Basis::CONSTANT) }
+        };
+        v.model.terms = vec![term("fitted", Some(1e-4)), term("fixed", None)];
+        let page = page(&v);
+        let mean = ["before: nominal arm", "after: the model"].map(|of| behind(&page, of, 1)[0]);
+        assert_eq!(mean, ["1.000", "0.500"]);
+        assert_eq!((behind(&page, "fitted", 6).len(), behind(&page, "fixed", 1).len()), (6, 0));
     }
 }

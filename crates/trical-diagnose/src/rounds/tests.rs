@@ -154,6 +154,17 @@ fn the_search_asks_no_long_curves_and_only_names_where_that_is_asked() {
     assert!(!all.curves.is_empty() && !all.candidates.iter().any(Candidate::is_long_curve));
 }
 
+/// An effect of the load times a compliance could be anything, were the compliance so.
+#[test]
+fn compliances_alone_have_a_prior_that_keeps_them_possible_and_the_device_turns_where_readings_show_it() {
+    let (rounds, _) = begun();
+    let terms = || rounds.fitted.model.terms.iter().zip(&rounds.known);
+    assert!(terms().all(|(t, k)| t.gives_way().is_some() == k.prior.is_some()));
+    assert!(terms().any(|(_, k)| k.prior.is_some()));
+    let turns = |t: &Term| t.site == Site::Tool(trical_model::Motion::About(trical_model::Axis::Z));
+    assert_eq!(rounds.fitted.model.terms.iter().filter(|t| turns(t)).count(), 1);
+}
+
 #[test]
 fn a_parameter_counts_by_how_much_the_data_say_of_it_beyond_what_was_known() {
     let (mut rounds, _) = begun();

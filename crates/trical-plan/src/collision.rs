@@ -3,6 +3,7 @@
 mod guard;
 mod motion;
 mod pairs;
+mod tool;
 
 use nalgebra::Vector3;
 use trical_model::{Cell, Forward, Joints, Model, Pose, Robot, State, Workspace};

@@ -132,6 +132,31 @@ enum Refusal {
     Approach(Contact),
 }
 
+/// A refused attempt.
+#[derive(Clone, Copy, Debug)]
+struct Refused {
+    why: Refusal,
+    /// Whether the tool's pose refused it: it is refused whatever the joints are, and perhaps for another reason before.
+    by_pose: bool,
+}
+
+impl From<Refusal> for Refused {
+    fn from(why: Refusal) -> Self {
+        Self { why, by_pose: false }
+    }
+}
+
+/// What an attempt looks at before it solves for the joints, which takes an arm of seven joints some 10 ms.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Looks {
+    /// Nothing.
+    Nothing,
+    /// Whether the links are long enough.
+    Reach,
+    /// As well whether the device meets something there: where few attempts succeed.
+    Device,
+}
+
 /// Streams of random numbers.
 const TOUCH: u64 = 1;
 
@@ -157,45 +182,64 @@ pub fn generate(
     let most = wanted.saturating_mul(options.attempts_per_candidate);
     let mut pool = Vec::with_capacity(wanted);
     let mut rejected = Rejected::default();
+    // attempts that the tool's pose alone refuses, and what it says of them
+    let (mut unsolved, mut by_pose): (Vec<usize>, _) = (Vec::new(), Rejected::default());
     let stream = TOUCH | ((ball as u64) << 8);
-    let none_in_reach = |r: &Rejected| r.unreachable == r.attempts && r.attempts >= most / NONE_IN_REACH;
-    while pool.len() < wanted && rejected.attempts < most && !none_in_reach(&rejected) {
+    let attempt = |scratch: &mut MotionWorkspace, k: usize, looks: Looks| {
+        let rng = &mut generator(options.seed, stream, k as u64);
+        Search { model, options, ball, scratch }.attempt(rng, looks)
+    };
+    let none_in_reach = |all: &Rejected, by_pose: &Rejected| {
+        all.unreachable + by_pose.unreachable == all.attempts && all.attempts >= most / NONE_IN_REACH
+    };
+    while pool.len() < wanted && rejected.attempts < most && !none_in_reach(&rejected, &by_pose) {
         let done = (pool.len() as f64 / wanted.max(1) as f64).max(rejected.attempts as f64 / most as f64);
         task.step(done, "looking for touches")?;
         let first = rejected.attempts;
-        let results: Vec<std::result::Result<Candidate, Refusal>> = (first..(first + CHUNK).min(most))
+        let is_in_reach = rejected.unreachable + by_pose.unreachable < first;
+        let looks = if is_in_reach && pool.len() < first / CHUNK { Looks::Device } else { Looks::Reach };
+        let results: Vec<std::result::Result<Candidate, Refused>> = (first..(first + CHUNK).min(most))
             .into_par_iter()
-            .map_init(
-                || MotionWorkspace::new(model),
-                |scratch, k| {
-                    let rng = &mut generator(options.seed, stream, k as u64);
-                    Search { model, options, ball, scratch }.attempt(rng)
-                },
-            )
+            .map_init(|| MotionWorkspace::new(model), |scratch, k| attempt(scratch, k, looks))
             .collect();
-        for result in results {
+        for (k, result) in (first..).zip(results) {
             if pool.len() == wanted {
                 break;
             }
             rejected.attempts += 1;
             match result {
                 Ok(candidate) => pool.push(candidate),
-                Err(refusal) => rejected.count(refusal, model),
+                Err(Refused { why, by_pose: false }) => rejected.count(why, model),
+                Err(Refused { why, by_pose: true }) => {
+                    unsolved.push(k);
+                    by_pose.count(why, model);
+                }
             }
         }
     }
+    let none_in_reach = none_in_reach(&rejected, &by_pose);
     if pool.len() < options.per_ball {
+        rejected.add(&by_pose);
         return Err(PlanError::TooFew {
             ball: ball + 1,
             found: pool.len(),
             wanted: options.per_ball,
             attempts: rejected.attempts,
-            reason: if none_in_reach(&rejected) {
+            reason: if none_in_reach {
                 "all were out of reach: the ball is too far away, or the joints do not turn the device every way".into()
             } else {
                 format!("refused were {}", rejected.in_words())
             },
         });
+    }
+    // a plan tells what the arm itself, too, says of every attempt
+    for some in unsolved.chunks(CHUNK) {
+        task.step(1.0, "looking for touches")?;
+        let solved: Vec<_> = some
+            .par_iter()
+            .map_init(|| MotionWorkspace::new(model), |scratch, k| attempt(scratch, *k, Looks::Nothing))
+            .collect();
+        solved.into_iter().filter_map(std::result::Result::err).for_each(|refused| rejected.count(refused.why, model));
     }
     Ok((pool, rejected))
 }
@@ -222,15 +266,24 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    fn attempt(&mut self, rng: &mut Pcg64Mcg) -> std::result::Result<Candidate, Refusal> {
+    fn attempt(&mut self, rng: &mut Pcg64Mcg, looks: Looks) -> std::result::Result<Candidate, Refused> {
         let Self { model, options, ball, .. } = *self;
         let world_from_tool = Pose {
             rotation: downward(rng, options.max_tilt_rad, options.spin_rad),
             translation: model.forward().model().cell.balls.get(ball).copied().unwrap_or_else(V3::zeros),
         };
+        let by_pose = |why| Err(Refused { why, by_pose: true });
+        if looks != Looks::Nothing && model.is_too_far(&world_from_tool, self.scratch) {
+            return by_pose(Refusal::Unreachable);
+        }
+        if looks == Looks::Device
+            && let Some(hit) = model.check_tool(&world_from_tool, Some(ball), self.scratch)
+        {
+            return by_pose(Refusal::Touch(hit));
+        }
         let joints = self.random_branch(&world_from_tool, rng)?;
         if let Some(hit) = model.check_joints(&joints, Some(ball), self.scratch) {
-            return Err(Refusal::Touch(hit));
+            return Err(Refusal::Touch(hit).into());
         }
         let mut refusal = Refusal::NoApproach;
         for _ in 0..4 {
@@ -239,7 +292,7 @@ impl Search<'_> {
                 Err(r) => refusal = r,
             }
         }
-        Err(refusal)
+        Err(refusal.into())
     }
 
     /// One of the ways to take a pose that keep off limits and singularities, at random.

@@ -91,7 +91,7 @@ fn speeds(model: &CollisionModel, a: usize, carried: usize) -> Joints {
 }
 
 /// Largest |d| of a joint, m.
-fn slide(joint: &Joint) -> f64 {
+pub(super) fn slide(joint: &Joint) -> f64 {
     match joint.kind {
         JointKind::Revolute => joint.d.abs(),
         JointKind::Prismatic => (joint.d + joint.limits[0]).abs().max((joint.d + joint.limits[1]).abs()),

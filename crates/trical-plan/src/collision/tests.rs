@@ -1,7 +1,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use proptest::prelude::*;
-use trical_model::{Cell, MAX_JOINTS, Robot};
+use trical_model::{Cell, JointKind, MAX_JOINTS, Robot};
 
 use super::*;
 
@@ -157,6 +157,49 @@ fn a_stem_may_meet_the_ball_that_it_touches_and_no_other() {
     assert_eq!(named(&model, model.check_joints(&q, Some(0), &mut scratch)), None);
     let hit = named(&model, model.check_joints(&q, Some(1), &mut scratch)).unwrap();
     assert!(hit.0.starts_with("stem") && hit.1 == "ball 1", "{hit:?}");
+}
+
+#[test]
+fn what_the_tools_pose_says_holds_at_all_joints_that_bring_it_there() {
+    let robots =
+        ["../../../../cells/irb120/robot.toml", "../../../../robots/ur5e.toml", "../../../../robots/kr6_r700.toml"];
+    let texts = [
+        include_str!("../../../../cells/irb120/robot.toml"),
+        include_str!("../../../../robots/ur5e.toml"),
+        include_str!("../../../../robots/kr6_r700.toml"),
+    ];
+    for (name, text) in robots.iter().zip(texts) {
+        let cell = Cell::parse(include_str!("../../../../cells/irb120/cell.toml"), "cell.toml").unwrap();
+        let mut robot = Robot::parse(text, name).unwrap();
+        // one joint more, and one that slides
+        let mut elbow = robot.joints[2].clone();
+        (elbow.a, elbow.d) = (0.05, -0.1);
+        robot.joints.insert(3, elbow);
+        (robot.joints[0].kind, robot.joints[0].limits) = (JointKind::Prismatic, [-0.4, 0.2]);
+        for robot in [Robot::parse(text, name).unwrap(), robot] {
+            let mut cell = cell.clone();
+            cell.geometry = None;
+            let model = CollisionModel::new(&robot, &cell).unwrap();
+            let (mut ws, mut met, mut met_by_pose) = (MotionWorkspace::new(&model), 0, 0);
+            for k in 0..2000_u32 {
+                let mut q = [0.0; MAX_JOINTS];
+                for (i, (x, joint)) in q.iter_mut().zip(&robot.joints).enumerate() {
+                    let u = (0.5 + [0.7548, 0.5698, 0.8191, 0.671, 0.5497, 0.4503, 0.8567][i] * f64::from(k)).fract();
+                    *x = joint.limits[0] + u * (joint.limits[1] - joint.limits[0]);
+                }
+                let mut pose = model.forward().world_from_tool(&State::at(&q), ws.forward());
+                assert!(!model.is_too_far(&pose, &mut ws), "{name}: {q:?}");
+                let by_pose = model.check_tool(&pose, None, &mut ws);
+                let met_there = model.check_joints(&q, None, &mut ws).is_some();
+                assert!(by_pose.is_none() || met_there, "{name}: {q:?}");
+                met_by_pose += u32::from(by_pose.is_some());
+                met += u32::from(met_there);
+                pose.translation.x += 5.0;
+                assert!(model.is_too_far(&pose, &mut ws));
+            }
+            assert!(0 < met_by_pose && met_by_pose < met && met < 2000, "{name}: {met_by_pose} of {met}");
+        }
+    }
 }
 
 proptest! {

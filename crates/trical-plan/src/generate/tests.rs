@@ -47,6 +47,27 @@ fn the_pool_is_spread_over_all_branches() {
     assert!((20..=80).contains(&flipped), "{flipped}");
 }
 
+/// The cell of the IRB 120 with a block that leaves little room at the balls: only devices that lie down have any.
+fn block(top_mm: f64) -> CollisionModel {
+    let text = format!(
+        "{}\n[[geometry.obstacle]]\nname = \"block\"\nsolids = [{{ shape = \"box\", center_mm = [150.0, 150.0, {}], size_mm = [700.0, 700.0, 200.0] }}]\n",
+        include_str!("../../../../cells/irb120/cell.toml"),
+        top_mm - 100.0
+    );
+    let cell = trical_model::Cell::parse(&text, "cell.toml").unwrap();
+    CollisionModel::new(&irb120().0, &cell).unwrap()
+}
+
+#[test]
+fn where_the_device_meets_something_whatever_the_joints_are_no_joints_are_solved_for() {
+    let options = PlanOptions { attempts_per_candidate: 20, ..PlanOptions::default() };
+    let error = generate(&block(250.0), 0, &options, &Task::silent()).unwrap_err();
+    let PlanError::TooFew { found: 0, attempts: 2000, reason, .. } = error else { panic!("{error}") };
+    // but for the first attempts, every other has what the joints are not needed for as its reason
+    let touches = reason.strip_prefix("refused were ").and_then(|rest| rest.split(' ').next());
+    assert!(touches.unwrap().parse::<usize>().unwrap() > 1950, "{reason}");
+}
+
 #[test]
 fn a_longer_pool_begins_with_the_shorter_one() {
     let (_, short, _) = pool(&PlanOptions { pool_per_ball: 20, per_ball: 5, ..PlanOptions::default() });

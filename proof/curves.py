@@ -53,6 +53,16 @@ def turned(ctx):
     return [{"joint": j + 1} for j in range(ctx.s.q.shape[1]) if np.ptp(ctx.s.q[:, j]) > 2.67 * np.pi]
 
 
+def same_gears(rng) -> dict[str, Family]:
+    """Ripples of gears of one make: the same number at every joint."""
+    n = int(rng.integers(50, 161))
+
+    def draw(rng, c, s) -> dict:
+        return {"n": n, **wave(rng, log_uniform(rng, 5 * ARCSEC, 30 * ARCSEC))}
+
+    return {"gear_ripple": Family(EVERY_JOINT, draw, None)}
+
+
 # name of the drawing -> (name of the effect, family); drawings of one effect differ in what the curve is
 CURVES: dict[str, tuple[str, Family]] = {
     "encoder_error": (

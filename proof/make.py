@@ -29,7 +29,7 @@ import configurations
 import real
 import run
 import write
-from curves import CURVES
+from curves import CURVES, same_gears
 from draws import log_uniform, pick, units
 from effects import threshold_of, variable_of
 from families import FAMILIES, OUTSIDE
@@ -51,7 +51,7 @@ from plant import (
 from visible import Design, Invisible, context, survey
 
 KINDS = ("none", "single", "strong", "pair", "five", "outside", "nonwhite", "dirty", "tracker", "mujoco", "arms")
-KINDS += ("curves", "real", "many", "sessions", "clusters")
+KINDS += ("curves", "gears", "real", "many", "sessions", "clusters")
 VISIBLE, STRONG = 6.0, 15.0
 
 
@@ -299,6 +299,8 @@ def how_many(kind: str, rng) -> tuple[int, float]:
     """Effects to draw, and the lambda that each must reach."""
     if kind in ("none", "pair", "five"):
         return {"none": 0, "pair": 2, "five": 5}[kind], VISIBLE
+    if kind == "gears":
+        return int(rng.integers(2, 7)), VISIBLE
     if kind == "single":
         return 1, VISIBLE if rng.random() < 0.75 else 0.0
     if kind in ("nonwhite", "tracker", "arms"):
@@ -364,7 +366,7 @@ def draw(kind: str, seed: int, index: int, touches: list[int], attempt: int) -> 
         effects = [e]
     else:
         design = Design(arm, s)
-        families = OUTSIDE if kind == "outside" else FAMILIES
+        families = OUTSIDE if kind == "outside" else same_gears(rng) if kind == "gears" else FAMILIES
         for _ in range(count):
             e, s, design = draw_effect(rng, arm, s, design, families, visible, effects)
             effects.append(e)

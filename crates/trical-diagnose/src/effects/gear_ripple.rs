@@ -34,15 +34,20 @@ fn ask(_: &Covariates<'_>) -> Asked {
 
 /// A ripple of `cycles` per turn, of a robot with so many `joints`.
 pub fn ripple(joint: usize, cycles: f64, joints: usize) -> Candidate {
-    let (from, to) = GEAR_CYCLES;
     let q = Variable::Joint { joint };
     let part = |part: &str, shape| (format!("ripple_{part}_{joint}"), Site::Joint { joint }, Basis::new(q, shape), 0);
-    let candidate = EFFECT.candidate(
+    let wave = EFFECT.candidate(
         Place::Joint(joint),
         format!("{cycles:.0} cycles per turn of joint {joint}"),
         Size { typical: arcsec(15.0), large: arcsec(30.0) },
         vec![part("sine", Shape::Sine { cycles }), part("cosine", Shape::Cosine { cycles })],
     );
-    let ways = (EffectId::ALL.len() * joints) as f64 * f64::from(to - from + 1);
-    Candidate { log_prior: -libm::log(ways), ..candidate }
+    Candidate { log_prior: log_prior(cycles, joints, &[]), ..wave }
+}
+
+/// What is expected of a ripple of `cycles` per turn at one of so many `joints`: the `likely` numbers together half as much again as all numbers.
+pub fn log_prior(cycles: f64, joints: usize, likely: &[f64]) -> f64 {
+    let (from, to) = GEAR_CYCLES;
+    let more = if likely.contains(&cycles) { 0.5 / likely.len() as f64 } else { 0.0 };
+    libm::log((1.0 / f64::from(to - from + 1) + more) / (EffectId::ALL.len() * joints) as f64)
 }

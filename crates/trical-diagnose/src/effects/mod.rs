@@ -9,7 +9,7 @@ mod effect;
 
 pub use effect::{CoefficientWords, Effect, Family, Remedy};
 pub use encoder_error::further_wave;
-pub use gear_ripple::ripple;
+pub use gear_ripple::{log_prior as ripple_log_prior, ripple};
 pub use trical_model::Scope;
 
 use crate::effect_id::{EffectId, for_each_effect};

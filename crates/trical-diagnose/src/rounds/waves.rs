@@ -1,5 +1,7 @@
 //! Waves of an encoder's curve: how large they are, and which single lines beyond them are the encoder's too.
 
+use std::collections::BTreeMap;
+
 use trical_ident::error::Result;
 use trical_model::Place;
 
@@ -7,10 +9,11 @@ use super::Rounds;
 use crate::candidate::Candidate;
 use crate::correlated_noise::CorrelatedNoise;
 use crate::effect_id::EffectId;
-use crate::effects::further_wave;
+use crate::effects::{further_wave, ripple_log_prior};
+use crate::periodogram;
 use crate::settings::{
-    FEWEST_TEETH, GEAR_MULTIPLES, GEAR_MULTIPLES_OF_FEW, GEAR_SIDEBANDS, GEAR_SIDEBANDS_SHARE, LINES_OF_NO_GEAR,
-    SMALLEST_GEAR,
+    FEWEST_TEETH, GEAR_CYCLES, GEAR_MULTIPLES, GEAR_MULTIPLES_OF_FEW, GEAR_SIDEBANDS, GEAR_SIDEBANDS_SHARE,
+    LINES_OF_NO_GEAR, SMALLEST_GEAR,
 };
 
 impl Rounds {
@@ -23,6 +26,36 @@ impl Rounds {
             self.candidates[*c].scales = scales;
         }
         Ok(())
+    }
+
+    /// Adds the strongest waves of each joint. An arm's gears are often of one make, so that numbers of gears that were found at other joints are
+    /// expected more than others.
+    pub(super) fn add_ripples(&mut self) -> Result<()> {
+        self.add(periodogram::ripples(&self.fitted, &self.kept)?);
+        let joints = self.fitted.model.robot.dof();
+        let likely: Vec<Vec<f64>> = (1..=joints).map(|joint| self.numbers_beside(Place::Joint(joint))).collect();
+        for c in self.candidates.iter_mut().filter(|c| c.cause == EffectId::GearRipple.into()) {
+            if let (Place::Joint(joint), Some(cycles)) = (c.site, c.cycles()) {
+                c.log_prior = ripple_log_prior(cycles, joints, &likely[joint - 1]);
+            }
+        }
+        Ok(())
+    }
+
+    /// The numbers of the strongest lines of gears that were found elsewhere, their halves and their doubles.
+    fn numbers_beside(&self, site: Place) -> Vec<f64> {
+        let mut strongest: BTreeMap<Place, (f64, f64)> = BTreeMap::new();
+        for c in self.chosen.iter().map(|c| &self.candidates[*c]).filter(|c| c.cause == EffectId::GearRipple.into()) {
+            let line = (self.power(c), c.cycles().unwrap_or(0.0));
+            let at = strongest.entry(c.site).or_insert(line);
+            *at = if line.0 > at.0 { line } else { *at };
+        }
+        strongest.remove(&site);
+        let mut numbers: Vec<f64> = strongest.values().flat_map(|(_, n)| [0.5 * n, *n, 2.0 * n]).collect();
+        numbers.retain(|n| n.fract() == 0.0 && (f64::from(GEAR_CYCLES.0)..=f64::from(GEAR_CYCLES.1)).contains(n));
+        numbers.sort_unstable_by(f64::total_cmp);
+        numbers.dedup();
+        numbers
     }
 
     /// Lines at joints that have an encoder's curve are waves of it, unless they are those of a gear; and so are lines alone that are of no
@@ -89,9 +122,10 @@ fn of_gear(lines: &[(f64, f64)], smallest: f64) -> Vec<bool> {
 mod tests {
     #![allow(clippy::unwrap_used)]
 
-    use trical_model::{Basis, Shape, Variable};
+    use trical_model::{Basis, Shape, Term, Variable};
 
     use super::*;
+    use crate::effects::ripple;
     use crate::options::Options;
     use crate::test_data::with_joint_2;
 
@@ -138,12 +172,43 @@ mod tests {
         let curve = rounds.curves.swap_remove(curve);
         let first = rounds.candidates.len();
         rounds.candidates.push(curve);
-        rounds.candidates.extend(cycles[1..].iter().map(|n| crate::effects::ripple(2, *n, 6)));
+        rounds.candidates.extend(cycles[1..].iter().map(|n| ripple(2, *n, 6)));
         rounds.chosen = (first..rounds.candidates.len()).collect();
         rounds.refit().unwrap();
         rounds.name_waves();
         let causes = rounds.chosen.iter().filter_map(|c| rounds.candidates[*c].cause.effect()).collect();
         (causes, rounds)
+    }
+
+    #[test]
+    fn the_number_of_a_gear_makes_it_likelier_at_other_joints() {
+        let (_, mut rounds) = named(&[5.0]);
+        rounds.chosen.clear();
+        let lines = [(3, 80.0), (4, 160.0), (4, 53.0), (5, 100.0)];
+        // how much more each of the first lines is expected beside the others of these, which are as strong as their numbers are large
+        let mut with = |count: usize| -> Vec<f64> {
+            let (joint, cycles) = lines[count - 1];
+            let line = ripple(joint, cycles, 6);
+            rounds.fitted.model.terms.extend(line.terms.iter().map(|t| Term { value: 1e-6 * cycles, ..t.clone() }));
+            rounds.chosen.push(rounds.candidates.len());
+            rounds.candidates.push(line.clone());
+            rounds.add_ripples().unwrap();
+            rounds.chosen.iter().map(|c| rounds.candidates[*c].log_prior - line.log_prior).collect()
+        };
+        let one_of = |n: f64| libm::log(1.0 + 0.5 * 291.0 / n);
+        let expected: [&[f64]; 4] = [
+            &[0.0],
+            // 80 and 160 at joint 3, and 40, 80 and 160 at joint 4
+            &[one_of(2.0), one_of(3.0)],
+            // a weaker line of joint 4 tells nothing
+            &[one_of(2.0), one_of(3.0), 0.0],
+            // 50, 100 and 200 as well, but not at joint 5 itself
+            &[one_of(5.0), one_of(6.0), 0.0, 0.0],
+        ];
+        for (k, expected) in expected.iter().enumerate() {
+            let more = with(k + 1);
+            assert!(more.iter().zip(*expected).all(|(a, b)| (a - b).abs() < 1e-12), "{more:?} {expected:?}");
+        }
     }
 
     #[test]

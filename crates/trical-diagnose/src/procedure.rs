@@ -403,7 +403,7 @@ impl<'a> Proving<'a> {
         };
         let mut alternatives = vec![Alternative {
             says: Says::Same,
-            log_prior: group.members.iter().map(|m| candidates[*m].log_prior).sum(),
+            log_prior: group.members.iter().map(|m| self.rounds.log_prior_beside_others(*m)).sum(),
             scores: parts.scores(&[], None),
         }];
         let instead = |c: Option<usize>| parts.scores(&group.members, c);

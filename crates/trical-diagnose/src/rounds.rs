@@ -243,7 +243,7 @@ impl Rounds {
             task.step(round as f64 / MOST_ROUNDS as f64, "searching")?;
             self.kept = rejection::without_outliers(&self.fitted, &self.all)?;
             checkpoint()?;
-            self.add_ripples()?;
+            self.add(periodogram::ripples(&self.fitted, &self.kept)?);
             checkpoint()?;
             let before = (self.chosen.clone(), self.correlation);
             let among_all = self.idle.is_empty();

@@ -45,9 +45,13 @@ pub fn ripple(joint: usize, cycles: f64, joints: usize) -> Candidate {
     Candidate { log_prior: log_prior(cycles, joints, &[]), ..wave }
 }
 
-/// What is expected of a ripple of `cycles` per turn at one of so many `joints`: the `likely` numbers together half as much again as all numbers.
+/// What is expected of a ripple of `cycles` per turn at one of so many `joints`: half of it of the `likely` numbers, where there are any.
 pub fn log_prior(cycles: f64, joints: usize, likely: &[f64]) -> f64 {
     let (from, to) = GEAR_CYCLES;
-    let more = if likely.contains(&cycles) { 0.5 / likely.len() as f64 } else { 0.0 };
-    libm::log((1.0 / f64::from(to - from + 1) + more) / (EffectId::ALL.len() * joints) as f64)
+    let of_all = 1.0 / f64::from(to - from + 1);
+    let of_number = match likely.len() {
+        0 => of_all,
+        n => 0.5 * of_all + if likely.contains(&cycles) { 0.5 / n as f64 } else { 0.0 },
+    };
+    libm::log(of_number / (EffectId::ALL.len() * joints) as f64)
 }

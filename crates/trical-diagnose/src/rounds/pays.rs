@@ -15,6 +15,7 @@ use crate::effects::ripple;
 use crate::findings::{Group, grouped};
 use crate::linear::Partition;
 use crate::parts::{Parts, error_size, what_does_not_pay};
+use crate::periodogram;
 use crate::refine::parts_of_curve;
 use crate::selection::Search;
 use crate::settings::{CURVE_SHARES, CURVES_ASKED, GEAR_CYCLES, PEAKS_PER_JOINT, TRIED_WITH_CURVES};
@@ -27,7 +28,7 @@ impl Rounds {
             return Ok(false);
         }
         // a line that a curve would hide is asked about too
-        self.add_ripples()?;
+        self.add(periodogram::ripples(&self.fitted, &self.kept)?);
         let first = self.candidates.len();
         let all = [self.searched(), self.curves.clone()].concat();
         // a curve that is held, and a shorter one of the same joint, would be fitted twice

@@ -10,7 +10,6 @@ use crate::candidate::Candidate;
 use crate::correlated_noise::CorrelatedNoise;
 use crate::effect_id::EffectId;
 use crate::effects::{further_wave, ripple_log_prior};
-use crate::periodogram;
 use crate::settings::{
     FEWEST_TEETH, GEAR_CYCLES, GEAR_MULTIPLES, GEAR_MULTIPLES_OF_FEW, GEAR_SIDEBANDS, GEAR_SIDEBANDS_SHARE,
     LINES_OF_NO_GEAR, SMALLEST_GEAR,
@@ -26,36 +25,6 @@ impl Rounds {
             self.candidates[*c].scales = scales;
         }
         Ok(())
-    }
-
-    /// Adds the strongest waves of each joint. An arm's gears are often of one make, so that numbers of gears that were found at other joints are
-    /// expected more than others.
-    pub(super) fn add_ripples(&mut self) -> Result<()> {
-        self.add(periodogram::ripples(&self.fitted, &self.kept)?);
-        let joints = self.fitted.model.robot.dof();
-        let likely: Vec<Vec<f64>> = (1..=joints).map(|joint| self.numbers_beside(Place::Joint(joint))).collect();
-        for c in self.candidates.iter_mut().filter(|c| c.cause == EffectId::GearRipple.into()) {
-            if let (Place::Joint(joint), Some(cycles)) = (c.site, c.cycles()) {
-                c.log_prior = ripple_log_prior(cycles, joints, &likely[joint - 1]);
-            }
-        }
-        Ok(())
-    }
-
-    /// The numbers of the strongest lines of gears that were found elsewhere, their halves and their doubles.
-    fn numbers_beside(&self, site: Place) -> Vec<f64> {
-        let mut strongest: BTreeMap<Place, (f64, f64)> = BTreeMap::new();
-        for c in self.chosen.iter().map(|c| &self.candidates[*c]).filter(|c| c.cause == EffectId::GearRipple.into()) {
-            let line = (self.power(c), c.cycles().unwrap_or(0.0));
-            let at = strongest.entry(c.site).or_insert(line);
-            *at = if line.0 > at.0 { line } else { *at };
-        }
-        strongest.remove(&site);
-        let mut numbers: Vec<f64> = strongest.values().flat_map(|(_, n)| [0.5 * n, *n, 2.0 * n]).collect();
-        numbers.retain(|n| n.fract() == 0.0 && (f64::from(GEAR_CYCLES.0)..=f64::from(GEAR_CYCLES.1)).contains(n));
-        numbers.sort_unstable_by(f64::total_cmp);
-        numbers.dedup();
-        numbers
     }
 
     /// Lines at joints that have an encoder's curve are waves of it, unless they are those of a gear; and so are lines alone that are of no
@@ -91,6 +60,28 @@ impl Rounds {
             }
             own.cause = EffectId::EncoderError.into();
         }
+    }
+
+    /// What is expected of a chosen candidate beside the others. An arm's gears are often of one make: half of what is expected of the strongest line of
+    /// a joint's gear are the numbers of the strongest lines at other joints, their halves and their doubles.
+    pub(crate) fn log_prior_beside_others(&self, chosen: usize) -> f64 {
+        let own = &self.candidates[chosen];
+        let mut strongest: BTreeMap<Place, usize> = BTreeMap::new();
+        for c in self.chosen.iter().filter(|c| self.candidates[**c].cause == EffectId::GearRipple.into()) {
+            let at = strongest.entry(self.candidates[*c].site).or_insert(*c);
+            if self.power(&self.candidates[*c]) > self.power(&self.candidates[*at]) {
+                *at = *c;
+            }
+        }
+        let (Some(cycles), Some(true)) = (own.cycles(), strongest.remove(&own.site).map(|c| c == chosen)) else {
+            return own.log_prior;
+        };
+        let others = strongest.into_values().filter_map(|c| self.candidates[c].cycles());
+        let mut likely: Vec<f64> = others.flat_map(|n| [0.5 * n, n, 2.0 * n]).collect();
+        likely.retain(|n| n.fract() == 0.0 && (f64::from(GEAR_CYCLES.0)..=f64::from(GEAR_CYCLES.1)).contains(n));
+        likely.sort_unstable_by(f64::total_cmp);
+        likely.dedup();
+        ripple_log_prior(cycles, self.fitted.model.robot.dof(), &likely)
     }
 
     /// Squared amplitude of a wave in the fit, SI.
@@ -184,30 +175,34 @@ mod tests {
     fn the_number_of_a_gear_makes_it_likelier_at_other_joints() {
         let (_, mut rounds) = named(&[5.0]);
         rounds.chosen.clear();
-        let lines = [(3, 80.0), (4, 160.0), (4, 53.0), (5, 100.0)];
-        // how much more each of the first lines is expected beside the others of these, which are as strong as their numbers are large
-        let mut with = |count: usize| -> Vec<f64> {
-            let (joint, cycles) = lines[count - 1];
+        // what is expected of all lines more than of each by itself, with one more line, as strong as its number is large
+        let mut with = |joint: usize, cycles: f64| -> Vec<f64> {
             let line = ripple(joint, cycles, 6);
             rounds.fitted.model.terms.extend(line.terms.iter().map(|t| Term { value: 1e-6 * cycles, ..t.clone() }));
             rounds.chosen.push(rounds.candidates.len());
-            rounds.candidates.push(line.clone());
-            rounds.add_ripples().unwrap();
-            rounds.chosen.iter().map(|c| rounds.candidates[*c].log_prior - line.log_prior).collect()
+            rounds.candidates.push(line);
+            let more = |c: &usize| rounds.log_prior_beside_others(*c) - rounds.candidates[*c].log_prior;
+            rounds.chosen.iter().map(more).collect()
         };
-        let one_of = |n: f64| libm::log(1.0 + 0.5 * 291.0 / n);
+        let one_of = |n: f64| libm::log(0.5 + 0.5 * 291.0 / n);
+        let none = libm::log(0.5);
+        let lines = [
+            with(3, 80.0),
+            // 80 and 160 are likely at joint 3, and 40, 80 and 160 at joint 4
+            with(4, 160.0),
+            // a weaker line of joint 4 tells nothing, and is told nothing
+            with(4, 53.0),
+            // 50, 100 and 200 are likely as well, but not at joint 5 itself
+            with(5, 100.0),
+        ];
         let expected: [&[f64]; 4] = [
             &[0.0],
-            // 80 and 160 at joint 3, and 40, 80 and 160 at joint 4
             &[one_of(2.0), one_of(3.0)],
-            // a weaker line of joint 4 tells nothing
             &[one_of(2.0), one_of(3.0), 0.0],
-            // 50, 100 and 200 as well, but not at joint 5 itself
-            &[one_of(5.0), one_of(6.0), 0.0, 0.0],
+            &[one_of(5.0), one_of(6.0), 0.0, none],
         ];
-        for (k, expected) in expected.iter().enumerate() {
-            let more = with(k + 1);
-            assert!(more.iter().zip(*expected).all(|(a, b)| (a - b).abs() < 1e-12), "{more:?} {expected:?}");
+        for (more, expected) in lines.iter().zip(expected) {
+            assert!(more.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{more:?} {expected:?}");
         }
     }
 

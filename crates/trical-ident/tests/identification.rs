@@ -280,3 +280,17 @@ fn a_fit_of_many_coefficients_ends_at_one_minimum_from_anywhere() {
         assert!((a.value - b.value).abs() < 1e-3 * sd, "{}: {} and {}, sd {sd}", a.name, a.value, b.value);
     }
 }
+
+#[test]
+fn a_fit_from_far_away_ends_where_another_one_from_there_moves_nothing() {
+    let data = build(touch(&truth(ParameterSet::Compliance, 3), 45, 1e-5, 3));
+    let model = nominal();
+    let mut far = identify(&model.robot, &model.cell, &data, ParameterSet::Compliance).unwrap().model;
+    far.terms.iter_mut().for_each(|t| t.value = 0.0);
+    let fit = |from: &Model| fit_model_knowing(from.clone(), &data, &Noise::usual(1), &[], Vec::new()).unwrap().model;
+    let found = fit(&far);
+    for (a, b) in found.terms.iter().zip(&fit(&found).terms) {
+        let sd = a.sd.unwrap();
+        assert!((a.value - b.value).abs() < 1e-5 * sd, "{}: {} and {}, sd {sd}", a.name, a.value, b.value);
+    }
+}

@@ -493,6 +493,12 @@ impl Finding {
         self.confidence >= LIKELY
     }
 
+    /// Whether it takes little of the error and its name is likelier wrong than right.
+    #[must_use]
+    pub fn is_small_and_unsure(&self) -> bool {
+        self.share < SMALL_SHARE && !self.is_likely()
+    }
+
     /// Whether its name is told however little it takes off the error.
     #[must_use]
     pub fn is_sure(&self) -> bool {

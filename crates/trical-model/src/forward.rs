@@ -88,6 +88,10 @@ pub struct Forward {
     /// The gravity moments that basis functions look at.
     pub(crate) moments: Vec<MomentAt>,
     pub(crate) free: Vec<usize>,
+    /// Motion and weight of each free term, where every one acts by one motion alone and nothing goes through gravity moments; else empty.
+    pub(crate) direct: Vec<(usize, f64)>,
+    /// Whether constant terms at the tool are free.
+    pub(crate) frees_tool: bool,
     /// Actions whose basis is not constant.
     pub(crate) varying: Vec<(usize, usize)>,
     /// Those of them that are the payload of one session.
@@ -182,6 +186,11 @@ impl Forward {
         if !this.moments.is_empty() {
             this.model.robot.require_masses()?;
         }
+        if this.moments.is_empty() {
+            let direct = |term: &usize| this.only_action(*term).filter(|b| b.constant).map(|b| (b.dof, b.weight));
+            this.direct = this.free.iter().map(direct).collect::<Option<_>>().unwrap_or_default();
+        }
+        this.frees_tool = this.direct.iter().any(|(dof, _)| matches!(this.dofs[*dof], Dof::Tool(_)));
         this.rebuild();
         if this.model.terms.is_empty() {
             let Model { robot, cell, .. } = &this.model;
@@ -199,6 +208,8 @@ impl Forward {
             dofs: Vec::new(),
             moments: Vec::new(),
             free,
+            direct: Vec::new(),
+            frees_tool: false,
             varying: Vec::new(),
             payloads: Vec::new(),
             moves_base: false,
@@ -256,7 +267,7 @@ impl Forward {
         };
         if !constant {
             self.varying.push((k, self.bound.len()));
-            if matches!(dof, Dof::PayloadMass | Dof::PayloadMoment(_)) {
+            if dof.is_load() {
                 self.payloads.push((k, self.bound.len()));
             }
             self.moves_base |= matches!(dof, Dof::Base(_));
@@ -265,6 +276,12 @@ impl Forward {
         let moment = at.map(|at| place_in(&mut self.moments, at));
         self.bound.push(Bound { dof, basis, weight, constant, moment });
         Ok(())
+    }
+
+    /// The action of a term that has one alone.
+    pub(crate) fn only_action(&self, term: usize) -> Option<&Bound> {
+        let (from, to) = *self.spans.get(term)?;
+        if let [b] = &self.bound[from..to] { Some(b) } else { None }
     }
 
     /// The model with its present coefficients.

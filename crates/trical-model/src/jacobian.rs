@@ -33,6 +33,15 @@ impl Forward {
         let target = self.compare(measured, frame, ws);
         self.all_columns(state, measured, frame, &target, ws);
         let p = self.free.len();
+        // targets have constant places of their own
+        if !self.direct.is_empty() && !(self.frees_tool && matches!(measured, Measured::Point { .. })) {
+            for (row, entries) in jacobian.chunks_exact_mut(p).enumerate().take(rows) {
+                for (entry, (dof, weight)) in entries.iter_mut().zip(&self.direct) {
+                    *entry = ws.columns[*dof][row] * weight;
+                }
+            }
+            return rows;
+        }
         for (column, term) in self.free.iter().enumerate() {
             for (row, value) in self.column(*term, measured, ws).iter().enumerate().take(rows) {
                 jacobian[row * p + column] = *value;
@@ -150,10 +159,7 @@ impl Forward {
     /// pose to pose, and is no load.
     #[must_use]
     pub fn motion(&self, term: usize) -> Option<usize> {
-        let (from, to) = self.spans[term];
-        let [b] = &self.bound[from..to] else { return None };
-        let is_load = matches!(self.dofs[b.dof], Dof::PayloadMass | Dof::PayloadMoment(_));
-        (!b.constant && !is_load).then_some(b.dof)
+        self.only_action(term).filter(|b| !b.constant && !self.dofs[b.dof].is_load()).map(|b| b.dof)
     }
 
     /// What a motion does at the measurement that was linearized last: derivatives of its residuals.
@@ -176,24 +182,19 @@ impl Forward {
     pub fn column(&self, term: usize, measured: &Measured, ws: &Workspace) -> [f64; 6] {
         let mut sum = [0.0; 6];
         let (from, to) = self.spans[term];
-        (from..to).for_each(|index| self.add_action(index, measured, ws, &mut sum));
+        for index in from..to {
+            let b = &self.bound[index];
+            let dof = self.dofs[b.dof];
+            if b.constant && matches!((dof, measured), (Dof::Tool(_), Measured::Point { .. })) {
+                continue; // targets have constant places of their own
+            }
+            let factor = if b.constant { b.weight } else { b.weight * ws.says[index] };
+            add(&mut sum, &ws.columns[b.dof], factor);
+            if !self.moments.is_empty() && factor != 0.0 && (b.constant || dof.is_load()) {
+                self.add_through_moments(dof, ws, factor, &mut sum);
+            }
+        }
         sum
-    }
-
-    /// Adds the derivative to the coefficient of one action.
-    #[inline]
-    fn add_action(&self, index: usize, measured: &Measured, ws: &Workspace, sum: &mut [f64; 6]) {
-        let b = &self.bound[index];
-        let dof = self.dofs[b.dof];
-        if b.constant && matches!((dof, measured), (Dof::Tool(_), Measured::Point { .. })) {
-            return; // targets have constant places of their own
-        }
-        let factor = if b.constant { b.weight } else { b.weight * ws.says[index] };
-        add(sum, &ws.columns[b.dof], factor);
-        let is_load = matches!(dof, Dof::PayloadMass | Dof::PayloadMoment(_));
-        if !self.moments.is_empty() && factor != 0.0 && (b.constant || is_load) {
-            self.add_through_moments(dof, ws, factor, sum);
-        }
     }
 
     /// Adds what a motion of `dof` does through the gravity moments.

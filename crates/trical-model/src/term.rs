@@ -220,6 +220,13 @@ pub(crate) enum Dof {
     LengthZero(usize),
 }
 
+impl Dof {
+    /// Whether it is a part of the payload's mass and first moment.
+    pub(crate) fn is_load(self) -> bool {
+        matches!(self, Self::PayloadMass | Self::PayloadMoment(_))
+    }
+}
+
 /// Motions within joint i's transform `Rx(alpha) Tx(a) Ry(beta) [tilt] Rz(theta) Tz(d)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum ChainDof {

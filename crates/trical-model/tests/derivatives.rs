@@ -594,6 +594,12 @@ fn every_column_agrees_with_automatic_differentiation_on_random_arms_and_poses()
     for trial in 0..2000 {
         let (robot, cell) = (draw.robot(), draw.cell());
         let n = robot.dof();
+        let mut terms = draw.terms(n);
+        if trial % 3 == 0 {
+            // a plain calibration: each term is one motion, the same at all poses
+            let by_several = |t: &Term| matches!(t.site, Site::AllJoints | Site::Links);
+            terms.retain(|t| t.basis == Basis::CONSTANT && !by_several(t));
+        }
         let model = Model {
             robot,
             cell,
@@ -601,7 +607,7 @@ fn every_column_agrees_with_automatic_differentiation_on_random_arms_and_poses()
                 rotation: rotation_zyx(draw.n(3.0), draw.n(1.4), draw.n(3.0)),
                 translation: draw.v(3.0),
             }],
-            terms: draw.terms(n),
+            terms,
         };
         let p = model.terms.len();
         let forward = Forward::new(model.clone(), (0..p).collect()).unwrap();

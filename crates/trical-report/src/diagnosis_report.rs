@@ -19,7 +19,7 @@ use crate::page::{self, Figure, Made, Section, error_table};
 use crate::table;
 use crate::verdict_summary;
 
-/// Findings that are told one by one, with figures; those that take less of the error are in one table.
+/// Most findings that are told one by one, with figures; those that take less of the error are in one table.
 const SHOWN: usize = 12;
 
 /// Findings whose coefficients are written out; a curve has more.
@@ -461,21 +461,33 @@ fn findings_table(d: &Diagnosis, first: usize, findings: &[Finding]) -> Vec<Vec<
     rows
 }
 
+/// Findings that are told one by one, and those behind them that are not: beyond [`SHOWN`], or small and unsure to the last. One is told at
+/// any rate.
+fn largest_and_smaller(d: &Diagnosis) -> (&[Finding], &[Finding]) {
+    let shown = d.findings.len().min(SHOWN);
+    let last = d.findings[..shown].iter().rposition(|f| !f.is_small_and_unsure());
+    d.findings.split_at(last.map_or(shown.min(1), |last| last + 1))
+}
+
 /// Findings beyond those that are told one by one, where each is and how large.
 fn smaller_findings(d: &Diagnosis) -> Option<Section> {
-    let smaller = d.findings.get(SHOWN..).filter(|all| !all.is_empty())?;
+    let (largest, smaller) = largest_and_smaller(d);
+    if smaller.is_empty() {
+        return None;
+    }
+    let first = largest.len() + 1;
     let mut section = Section::new(table::counted(smaller.len(), "smaller finding"))
-        .with_tables([findings_table(d, SHOWN + 1, smaller)])
+        .with_tables([findings_table(d, first, smaller)])
         .folded(true);
-    section.after = (SHOWN + 1..).zip(smaller).map(|(k, f)| format!("{k}. {}", located(f, d))).collect();
+    section.after = (first..).zip(smaller).map(|(k, f)| format!("{k}. {}", located(f, d))).collect();
     Some(section)
 }
 
 /// Findings with the evidence, the largest in a row each, and where they are on the arm.
 fn all_findings(d: &Diagnosis) -> Result<Section> {
     let decimals = verdict_summary::decimals(d);
-    let largest = d.findings.get(..SHOWN).unwrap_or(&d.findings);
-    let heading = if largest.len() < d.findings.len() { "The largest findings" } else { "All findings" };
+    let (largest, smaller) = largest_and_smaller(d);
+    let heading = if smaller.is_empty() { "All findings" } else { "The largest findings" };
     let mut section = Section::new(heading).with_tables([findings_table(d, 1, largest)]);
     section.text.push(
         "Lambda is the size of the effect in this data, in standard deviations of the noise: 3 is just visible. The errors \
@@ -714,7 +726,7 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
     if !d.findings.is_empty() {
         sections.push(all_findings(d)?);
     }
-    for (k, f) in d.findings.iter().enumerate().take(SHOWN) {
+    for (k, f) in largest_and_smaller(d).0.iter().enumerate() {
         sections.push(finding_section(k + 1, f, d)?);
     }
     sections.extend(smaller_findings(d));

@@ -220,3 +220,19 @@ fn of_many_findings_the_largest_are_told_one_by_one_and_the_others_in_one_sectio
     assert_eq!((heading.as_str(), rows, each.len()), ("1 smaller finding", 1, 1));
     assert!(each[0].starts_with(&format!("{}. Changes sign with", SHOWN + 1)), "{each:?}");
 }
+
+#[test]
+fn behind_the_last_finding_that_is_of_some_size_or_likely_all_are_in_one_section() {
+    let mut d = crate::test_data::diagnosis();
+    let of = |(share, confidence)| Finding { share, confidence, ..d.findings[0].clone() };
+    let large_unsure = of((0.2, 0.3));
+    let small_sure = of((0.001, 0.9));
+    let small_unsure = of((0.001, 0.3));
+    let mut told = |findings: &[&Finding]| {
+        d.findings = findings.iter().map(|f| (*f).clone()).collect();
+        (all_findings(&d).unwrap().tables[0].len() - 1, smaller_findings(&d).map(|s| s.tables[0].len() - 1))
+    };
+    assert_eq!(told(&[&large_unsure, &small_unsure, &small_sure, &small_unsure, &small_unsure]), (3, Some(2)));
+    assert_eq!(told(&[&small_unsure, &large_unsure]), (2, None));
+    assert_eq!(told(&[&small_unsure, &small_unsure]), (1, Some(1)), "a page tells one at any rate");
+}

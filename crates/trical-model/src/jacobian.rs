@@ -34,7 +34,8 @@ impl Forward {
         self.all_columns(state, measured, frame, &target, ws);
         let p = self.free.len();
         // targets have constant places of their own
-        if !self.direct.is_empty() && !(self.frees_tool && matches!(measured, Measured::Point { .. })) {
+        let tool_is_still = self.frees_tool && matches!(measured, Measured::Point { .. });
+        if !self.direct.is_empty() && !tool_is_still {
             for (row, entries) in jacobian.chunks_exact_mut(p).enumerate().take(rows) {
                 for (entry, (dof, weight)) in entries.iter_mut().zip(&self.direct) {
                     *entry = ws.columns[*dof][row] * weight;

@@ -161,14 +161,12 @@ fn a_stem_may_meet_the_ball_that_it_touches_and_no_other() {
 
 #[test]
 fn what_the_tools_pose_says_holds_at_all_joints_that_bring_it_there() {
-    let robots =
-        ["../../../../cells/irb120/robot.toml", "../../../../robots/ur5e.toml", "../../../../robots/kr6_r700.toml"];
-    let texts = [
-        include_str!("../../../../cells/irb120/robot.toml"),
-        include_str!("../../../../robots/ur5e.toml"),
-        include_str!("../../../../robots/kr6_r700.toml"),
+    let robots = [
+        ("irb120", include_str!("../../../../cells/irb120/robot.toml")),
+        ("ur5e", include_str!("../../../../robots/ur5e.toml")),
+        ("kr6_r700", include_str!("../../../../robots/kr6_r700.toml")),
     ];
-    for (name, text) in robots.iter().zip(texts) {
+    for (name, text) in robots {
         let cell = Cell::parse(include_str!("../../../../cells/irb120/cell.toml"), "cell.toml").unwrap();
         let mut robot = Robot::parse(text, name).unwrap();
         // one joint more, and one that slides

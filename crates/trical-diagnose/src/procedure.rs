@@ -59,7 +59,8 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
     let (design, probes) = rounds.design_with_probes(&rounds.fast_waves()?)?;
     let start = design.start();
     let proving = Proving::new(&rounds, &design, &probes, &start)?;
-    let folds = &proving.folds;
+    // of all poses, where a sample was searched
+    let all = Folds::of(&fitted.data);
     let of_sessions = rounds.by_session();
     let [plain_by_session, by_session] = *of_sessions.as_ref().unwrap_or(&[None; 2]);
     let of_places = rounds.by_place();
@@ -78,7 +79,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
         format!("the error at a {what} that the fit did not see could not be computed: {e}")
     };
     let cautions =
-        cautions_of(&rounds, robot, &baseline, effective, folds, unsearched.as_ref().map(ToString::to_string))?
+        cautions_of(&rounds, robot, &baseline, effective, &all, unsearched.as_ref().map(ToString::to_string))?
             .into_iter()
             .chain(another_zero(&grounds, &kept.names))
             .chain(no_better_elsewhere("in a session", plain_by_session, by_session))
@@ -108,8 +109,8 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
         after: Final {
             parameters: arm_parameters(&fitted.model),
             effective_parameters: effective,
-            poses: unsearched.as_ref().map_or(folds.poses().len(), |u| u.poses[1]),
-            blocks: folds.blocks(),
+            poses: all.poses().len(),
+            blocks: all.blocks(),
             rms_mm: ErrorSummary::of(&errors).rms_mm,
             holdout_rms_mm: usual.rms_mm,
             holdout_mean_mm: usual.mean_mm,
@@ -558,7 +559,18 @@ mod tests {
     use trical_model::{Basis, Shape, Site, State, Variable};
 
     use super::*;
-    use crate::test_data::{off, with_joint_2};
+    use crate::settings::SEARCHED_POSES;
+    use crate::test_data::{arm, off, touched, with_joint_2};
+
+    #[test]
+    fn poses_and_blocks_are_those_of_the_whole_data_where_a_sample_was_searched() {
+        let (truth, many) = (arm(), SEARCHED_POSES + 400);
+        let data = touched(&truth, u32::try_from(many).unwrap());
+        let options = Options { names_only: true, ..Options::default() };
+        let said = diagnose(&truth.robot, &truth.cell, &data, &options, &Task::silent()).unwrap();
+        assert!(said.cautions.iter().any(|c| c.starts_with("effects were searched among")), "{:?}", said.cautions);
+        assert_eq!((said.after.poses, said.after.blocks), (many, Folds::of(&data).blocks()));
+    }
 
     #[test]
     fn an_encoders_curve_and_scattered_lines_beyond_it_are_one_finding() {
@@ -686,7 +698,7 @@ mod tests {
 
     #[test]
     fn parameters_of_instruments_are_not_counted_as_the_arms() {
-        let mut model = crate::test_data::arm();
+        let mut model = arm();
         let x = trical_model::Motion::Along(trical_model::Axis::X);
         let term = |site| Term::new("t", "t", site, Basis::CONSTANT);
         model.terms = vec![term(Site::Tool(x)), term(Site::Frame { frame: 0, motion: x }), term(Site::Base(x))];

@@ -33,7 +33,7 @@ impl Forward {
         let target = self.compare(measured, frame, ws);
         self.all_columns(state, measured, frame, &target, ws);
         let p = self.free.len();
-        // targets have constant places of their own
+        // as in `column`: constant terms at the tool do not move a target
         let tool_is_still = self.frees_tool && matches!(measured, Measured::Point { .. });
         if !self.direct.is_empty() && !tool_is_still {
             for (row, entries) in jacobian.chunks_exact_mut(p).enumerate().take(rows) {

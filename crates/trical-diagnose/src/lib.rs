@@ -24,7 +24,9 @@
 //! | [`diagnosis`], `findings` | the result; from what was chosen to it |
 //! | [`verdict`], `words` | what it comes to, in plain sentences |
 //! | [`alternatives`] | between what the data cannot decide |
-//! | `rounds`, [`procedure`] | rounds of selection and refit; the whole of it |
+//! | `rounds` | rounds of selection and refit |
+//! | `cautions`, `proving` | what should make one look twice; from what was chosen to findings with their proof |
+//! | [`procedure`] | the whole of it |
 //! | [`joint_choice`] | the same, with joints as read and as commanded |
 //! | [`truth`] | true arms for a virtual cell, drawn by chance, and effects hidden in them |
 
@@ -33,6 +35,7 @@
 pub mod alternatives;
 pub mod candidate;
 pub mod catalogue;
+mod cautions;
 pub mod correlated_noise;
 pub mod covariates;
 pub mod diagnosis;
@@ -49,6 +52,7 @@ pub mod periodogram;
 mod phases;
 pub mod probability;
 pub mod procedure;
+mod proving;
 mod refine;
 pub mod rejection;
 mod rounds;

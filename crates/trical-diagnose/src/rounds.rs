@@ -610,6 +610,11 @@ pub(crate) fn is_parameter_of_arm(t: &Term) -> bool {
     !matches!(t.site, Site::Frame { .. } | Site::Target { .. }) && t.effect != "place" && !of_readings
 }
 
+/// Parameters of the arm, without those of the readings' own noise.
+pub(crate) fn arm_parameters(model: &Model) -> usize {
+    model.terms.iter().filter(|t| is_parameter_of_arm(t)).count()
+}
+
 /// Standard deviation of a touch's scalar residual, m; that of any other measurement where there are no touches.
 fn touch_sigma(fitted: &Identified) -> f64 {
     let of = |o: &Observation| fitted.noise.sigma(o.recording, &o.measured, 0);

@@ -3,7 +3,7 @@
 use trical_model::{Basis, Shape, State, Variable};
 
 use super::*;
-use crate::test_data::{off, touches, with_joint_2};
+use crate::test_data::{arm, off, touches, with_joint_2};
 
 /// Rounds of an arm whose joint 2 is off by 1 mrad a radian, where its gear ratio is among the candidates, and what is left of it once that
 /// is in the fit.
@@ -232,4 +232,13 @@ fn the_longest_recording_is_counted_in_poses_and_targets_of_one_pose_in_six_numb
     data.observations.extend(data.observations.clone());
     data.observations.sort_by_key(|o| o.pose);
     assert_eq!(temper(&data), 18.0 / 30.0);
+}
+
+#[test]
+fn parameters_of_instruments_are_not_counted_as_the_arms() {
+    let mut model = arm();
+    let x = trical_model::Motion::Along(trical_model::Axis::X);
+    let term = |site| Term::new("t", "t", site, Basis::CONSTANT);
+    model.terms = vec![term(Site::Tool(x)), term(Site::Frame { frame: 0, motion: x }), term(Site::Base(x))];
+    assert_eq!(arm_parameters(&model), 2);
 }

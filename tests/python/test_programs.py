@@ -223,31 +223,28 @@ def judged(
     return out
 
 
-@pytest.mark.parametrize(("language", "counts", "parts"), corpus())
-def test_each_motion_ends_where_it_was_meant_or_is_listed(
-    language: str, counts: str, parts: dict[str, str], tmp_path: Path
-) -> None:
+def compensated(language: str, parts: dict[str, str], folder: Path) -> tuple[dict[str, Any], str, str]:
+    """What is said of a program, and its text and its data afterwards."""
     own = LANGUAGES[language]
-    parts = {name: filled(language, text) for name, text in parts.items()}
-    program, new = tmp_path / f"p.{own.ending}", tmp_path / f"new.{own.ending}"
+    program, new = folder / f"p.{own.ending}", folder / f"new.{own.ending}"
     program.write_text(parts["text"])
-    (tmp_path / "cell.toml").write_text(CELL)
-    files = {"robot": ROOT / own.robot, "cell": tmp_path / "cell.toml"}
+    (folder / "cell.toml").write_text(CELL)
+    files = {"robot": ROOT / own.robot, "cell": folder / "cell.toml"}
     options: dict[str, Any] = {}
     if "dat" in parts:
         program.with_suffix(".dat").write_text(parts["dat"])
     if "config" in parts:
-        (tmp_path / "$config.dat").write_text(parts["config"])
+        (folder / "$config.dat").write_text(parts["config"])
     if language == "krl":  # each routine is a file of its own
         for name, routine in re.findall(r"(?ms)^DEF (\w+)(.*?^END$)", parts.get("elsewhere", "")):
-            (tmp_path / f"{name}.src").write_text(f"DEF {name}{routine}\n")
+            (folder / f"{name}.src").write_text(f"DEF {name}{routine}\n")
     if "beside" in parts:  # a module of the same folder
-        (tmp_path / "beside.mod").write_text(parts["beside"])
+        (folder / "beside.mod").write_text(parts["beside"])
     if "frames" in parts:
-        options["frames"] = tmp_path / "frames.mod"
+        options["frames"] = folder / "frames.mod"
         options["frames"].write_text(parts["frames"])
     if language == "fanuc":
-        options["frames"] = tmp_path / "frames.toml"
+        options["frames"] = folder / "frames.toml"
         text = ""
         for kind, number, values in re.findall(r"(tool|frame)\[(\d+)\] = (.*)", parts["elsewhere"]):
             x, y, z, a, b, c = values.split()
@@ -255,21 +252,71 @@ def test_each_motion_ends_where_it_was_meant_or_is_listed(
         options["frames"].write_text(text)
     model = trical.Model.nominal(**files).with_terms(real(language)[2])
     done = trical.compensate(program, model, new, **files, **options, partial=True)
+    dat = new.with_suffix(".dat").read_text() if "dat" in parts else ""
+    return done, new.read_text().replace("\r\n", "\n"), dat
+
+
+@pytest.mark.parametrize(("language", "counts", "parts"), corpus())
+def test_each_motion_ends_where_it_was_meant_or_is_listed(
+    language: str, counts: str, parts: dict[str, str], tmp_path: Path
+) -> None:
+    own = LANGUAGES[language]
+    parts = {name: filled(language, text) for name, text in parts.items()}
+    done, text, dat = compensated(language, parts, tmp_path)
     listed = {int(m) for p in done["problems"] for m in re.findall(r"line (\d+)", p.partition(": ")[0])}
     homes = [c for c in done.get("cautions", []) if c.startswith("goes to a home")]
     listed |= {int(m) for c in homes for m in re.findall(r"line (\d+)", c)}
     elsewhere = "".join(parts.get(k, "") for k in ("elsewhere", "hidden", "frames", "beside"))
     more = {"elsewhere": elsewhere, "config": parts.get("config", "")}
     before = own.controller.run(parts["text"], dat=parts.get("dat", ""), **more)
-    dat = new.with_suffix(".dat").read_text() if "dat" in parts else ""
-    mark = new.read_text().replace("\r\n", "\n")
-    after = own.controller.run(mark, dat=dat, **more)
+    after = own.controller.run(text, dat=dat, **more)
     relative = {r["line"]: r["after_mm"] for r in done["relative"]}
     found = judged(language, before, after, listed, relative)
     wrong = [f for f in found if f not in ("right", "listed", "relative")]
     assert not wrong, (wrong, done["problems"])
     has = f"{found.count('right')} right, {found.count('listed')} listed, {found.count('relative')} relative"
     assert has == counts, (done["problems"], found)
+
+
+# what may have blanks around it, but for what only looks like it, and what begins lines without any
+SEPARATORS = {
+    "rapid": (r":=|(?<=[\w}])\.(?=[a-z])|[,=:(){}\[\]\\]", "!"),
+    "krl": (r"==|<=|>=|<>|[,=:(){}\[\]]", ";&"),
+    "fanuc": (r"[,=()]", "!/"),
+    "urscript": (r"==|<=|>=|!=|\bp\[|[,=()\]]", "#"),
+}
+
+
+def spaced(language: str, text: str) -> str:
+    """With a blank before and behind everything in its statements that may have one."""
+    separator, comment = SEPARATORS[language]
+    lines = []
+    for line in text.split("\n"):
+        indent = line[: len(line) - len(line.lstrip())]
+        pieces = re.split(rf'("[^"]*"|[{comment}].*)', line.lstrip())
+        pieces[::2] = [re.sub(separator, r" \g<0> ", piece) for piece in pieces[::2]]
+        lines.append(indent + "".join(pieces).strip())
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize(("language", "counts", "parts"), corpus())
+def test_blanks_change_nothing(language: str, counts: str, parts: dict[str, str], tmp_path: Path) -> None:
+    parts = {name: filled(language, text) for name, text in parts.items()}
+    said = []
+    for how in ("plain", "spaced"):
+        folder = tmp_path / how
+        folder.mkdir()
+        own = {
+            n: spaced(language, t) if n in ("text", "dat", "beside") and how == "spaced" else t
+            for n, t in parts.items()
+        }
+        try:
+            done, text, dat = compensated(language, own, folder)
+            said.append([*done["problems"], text, dat])
+        except trical.TricalError as error:
+            said.append([str(error).replace(str(folder), "")])
+    plain, blank = ([re.sub(r"\s", "", each) for each in of] for of in said)
+    assert plain == blank, counts
 
 
 def test_the_corpus_has_sixty_programs() -> None:

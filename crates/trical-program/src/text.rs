@@ -283,6 +283,12 @@ impl<'a> Cursor<'a> {
         &self.bytes[from..self.at]
     }
 
+    /// The name that comes next after space.
+    pub fn name_ahead(&mut self) -> &'a [u8] {
+        self.skip_space();
+        self.word()
+    }
+
     /// The number that begins here, where one does.
     pub fn number(&mut self) -> Option<Span> {
         let from = self.at;

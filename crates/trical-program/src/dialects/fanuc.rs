@@ -165,8 +165,7 @@ impl<'a> Fields<'a> {
     fn read(c: &mut Cursor<'a>) -> Self {
         let (mut found, mut group) = (Self::default(), 1);
         while !c.done() && c.peek() != b'}' {
-            c.skip_space();
-            let word = c.word();
+            let word = c.name_ahead();
             if word.is_empty() {
                 c.at += usize::from(c.peek() != b'}');
             } else if word.len() == 3 && word.starts_with(b"GP") {

@@ -258,7 +258,7 @@ impl Reader<'_> {
     /// Behind `ConfL` or `ConfJ`.
     fn configuration_switch(&mut self) {
         let at = self.c;
-        if self.c.eat(b'\\') && self.c.word().eq_ignore_ascii_case(b"off") {
+        if self.c.eat(b'\\') && self.c.name_ahead().eq_ignore_ascii_case(b"off") {
             self.scan.configuration_off = true;
         } else {
             self.c = at;
@@ -286,8 +286,7 @@ impl Reader<'_> {
     fn block(&mut self, from: usize, word: &[u8]) -> bool {
         let is = |words: &[&[u8]]| is_one_of(word, words);
         if is(&[b"module"]) && self.has_modules {
-            self.c.skip_space();
-            self.module = format!("module {}", lower(self.c.word()));
+            self.module = format!("module {}", lower(self.c.name_ahead()));
             self.of_module.clear();
             self.locals.clear();
         } else if is(&[b"proc", b"func", b"trap"]) {
@@ -296,8 +295,7 @@ impl Reader<'_> {
                 // the kind of its value
                 self.c.word();
             }
-            self.c.skip_space();
-            let name = self.c.word();
+            let name = self.c.name_ahead();
             self.within = lower(name);
             let name = hashed(name);
             self.heads.insert(name, from);
@@ -315,8 +313,7 @@ impl Reader<'_> {
             self.names.handler();
         } else if is(&[b"for"]) {
             self.names.fork(Fork::Repeats);
-            self.c.skip_space();
-            let name = self.c.word();
+            let name = self.c.name_ahead();
             self.constants.forget(hashed(name));
         } else if is(&[b"while"]) {
             self.names.fork(Fork::Repeats);
@@ -338,8 +335,7 @@ impl Reader<'_> {
 
     /// `CONST num h:=200;`, `VAR num table{2,6}:=[[...],[...]];`, `num argument`
     fn other_data(&mut self, is_constant: bool) {
-        self.c.skip_space();
-        let name = self.c.word();
+        let name = self.c.name_ahead();
         self.c.skip_space();
         if self.c.peek() == b'{' {
             self.own(name);
@@ -400,10 +396,11 @@ impl Reader<'_> {
         let start = self.c;
         let (mut is_part, mut part) = (false, Part::Whole);
         loop {
+            self.c.skip_space();
             match self.c.peek() {
                 b'.' => {
                     self.c.at += 1;
-                    is_part |= !self.c.word().is_empty();
+                    is_part |= !self.c.name_ahead().is_empty();
                 }
                 b'{' => part = self.element().map_or(Part::Indexed, Part::Element),
                 _ => break,

@@ -35,7 +35,8 @@ pub(super) fn routines<'a>(bytes: &'a [u8]) -> Routines {
         if is_one_of(word, &[b"DEF", b"DEFFCT"]) {
             let routine = before_bracket(&mut c);
             scopes.open();
-            let list = c.until(b")\r\n;").split(|b| *b == b',').map(|p| p.strip_prefix(b"(").unwrap_or(p).trim_ascii());
+            c.eat_in_line(b'(');
+            let list = c.until(b")\r\n;").split(|b| *b == b',').map(<[u8]>::trim_ascii);
             let name = |p: &'a [u8]| p.split(|b| matches!(b, b':' | b'[')).next().unwrap_or(p).trim_ascii();
             // each, until it may be changed
             let names: Vec<&[u8]> = list.clone().map(name).collect();

@@ -238,8 +238,7 @@ impl Reader<'_> {
 
     /// `tooldata name:=[...]`, `wobjdata name:=[...]`
     pub(super) fn frame(&mut self, is_tool: bool, is_data: bool) {
-        self.c.skip_space();
-        let word = self.c.word();
+        let word = self.c.name_ahead();
         if word.is_empty() {
             return;
         }

@@ -129,7 +129,7 @@ impl<'a> Reader<'a> {
     fn place_and_setup(&mut self) -> Option<(Place, u32)> {
         self.c.at += 1;
         while self.c.eat(b'\\') {
-            self.c.word();
+            self.c.name_ahead();
             self.c.eat(b',');
         }
         let place = self.place()?;
@@ -139,7 +139,7 @@ impl<'a> Reader<'a> {
         let (tool, mut frame) = (self.frame_name(tool), "wobj0".to_owned());
         self.part_of_record(true, &tool);
         while self.c.eat(b'\\') {
-            let is_frame = self.c.word().eq_ignore_ascii_case(b"wobj");
+            let is_frame = self.c.name_ahead().eq_ignore_ascii_case(b"wobj");
             self.gives().then_some(())?;
             self.c.skip_space();
             let value = self.whole_name();
@@ -245,7 +245,7 @@ impl<'a> Reader<'a> {
     /// `\WObj:=name`, `\Tool:=name`, and those that say nothing of the place.
     fn option(&mut self, arguments: &mut Arguments) {
         self.c.at += 1;
-        let option = self.c.word();
+        let option = self.c.name_ahead();
         if !self.gives() {
             return;
         }
@@ -259,6 +259,7 @@ impl<'a> Reader<'a> {
             let name = self.frame_name(value);
             self.part_of_record(false, &name);
             arguments.frame = Some(name);
+            self.c.skip_space();
             if self.c.peek() == b'{' {
                 self.element_of_frames(false, value);
             }
@@ -270,11 +271,15 @@ impl<'a> Reader<'a> {
 
     /// A name with the parts behind it, `cell.tool`.
     fn whole_name(&mut self) -> &'a [u8] {
-        let from = self.c.at;
-        while !self.c.word().is_empty() && self.c.peek() == b'.' {
-            self.c.at += 1;
+        let (from, mut end) = (self.c.at, self.c.at);
+        while !self.c.name_ahead().is_empty() {
+            end = self.c.at;
+            if !self.c.eat(b'.') {
+                break;
+            }
         }
-        self.c.bytes.get(from..self.c.at).unwrap_or(&[])
+        self.c.at = end;
+        self.c.bytes.get(from..end).unwrap_or(&[])
     }
 
     /// Of a tool or a work object that is a part of a record nobody knows the numbers.

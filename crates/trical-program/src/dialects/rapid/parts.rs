@@ -38,8 +38,7 @@ pub(super) fn parts(bytes: &[u8]) -> HashMap<u64, Piece> {
             continue;
         }
         let mut behind = c;
-        behind.skip_space();
-        let name = hashed(behind.word());
+        let name = hashed(behind.name_ahead());
         let new = declared(&mut behind);
         // of several routines each may have its own: they have to be the same
         let same = |old: &Option<Piece>| match (old, &new) {

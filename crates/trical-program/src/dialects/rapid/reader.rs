@@ -254,15 +254,12 @@ fn parameters(bytes: &[u8], at: usize, routine: &[u8]) -> Vec<Parameter> {
         if !is_other {
             place = if named { None } else { places.next() };
         }
-        c.skip_space();
-        let mut kind = c.word();
+        let mut kind = c.name_ahead();
         let by_reference = is_one_of(kind, &[b"inout", b"var", b"pers", b"ref"]);
         if by_reference {
-            c.skip_space();
-            kind = c.word();
+            kind = c.name_ahead();
         }
-        c.skip_space();
-        let name = c.word();
+        let name = c.name_ahead();
         c.skip_space();
         if c.peek() == b'{' {
             // of an array: `{*,*}`

@@ -118,7 +118,7 @@ impl Reader<'_> {
         while !self.c.done() && self.c.peek() != b';' {
             self.c.skip_space();
             let key = if self.c.eat(b'\\') {
-                let name = self.c.word();
+                let name = self.c.name_ahead();
                 self.gives().then(|| scoped(name, routine))
             } else {
                 places.next().map(|k| scoped(k.to_string().as_bytes(), routine))
@@ -189,7 +189,7 @@ impl Reader<'_> {
             b'\\' | b'[' => true,
             b'(' => is_one_of(word, &[b"offs", b"reltool"]),
             b',' | b';' | b'{' | b')' => !word.is_empty(),
-            _ => c.number().is_some() && matches!(c.peek(), b',' | b';'),
+            _ => c.number().is_some() && (c.eat(b',') || c.eat(b';')),
         }
     }
 
@@ -469,6 +469,7 @@ impl Reader<'_> {
         }
         let word = self.c.word();
         let name = self.key(word);
+        self.c.skip_space();
         match self.c.peek() {
             _ if word.is_empty() => None,
             b'(' => Some(self.relative(word)),

@@ -200,8 +200,7 @@ impl Reader<'_> {
     /// What the expression at the cursor is relative to: a name, or (`Some(None)`) where the arm is; `None` is
     /// something else.
     pub(super) fn origin(&mut self, depth: usize) -> Option<Option<u64>> {
-        self.c.skip_space();
-        let word = self.c.word();
+        let word = self.c.name_ahead();
         if word.is_empty() || depth > DEEPEST {
             return None;
         }
@@ -234,8 +233,7 @@ impl Reader<'_> {
             found = match self.literal() {
                 Literal::Numbers(shape, spans) => self.joint_values(shape, &spans),
                 _ => {
-                    self.c.skip_space();
-                    let name = self.c.word();
+                    let name = self.c.name_ahead();
                     self.joints.get(&self.key(name)).copied()
                 }
             };

@@ -159,8 +159,7 @@ pub(super) fn skip_name(c: &mut Cursor<'_>) {
 fn place_name(c: &mut Cursor<'_>, scopes: &Scopes) -> Option<(u64, bool)> {
     let mut inside = false;
     loop {
-        c.skip_space();
-        let name = c.word();
+        let name = c.name_ahead();
         let is_argument = c.eat_in_line(b'=');
         let is_function = !is_argument && c.eat_in_line(b'(');
         if name.is_empty() || is_function && !KINEMATICS.contains(&name) || name == b"p" && c.peek() == b'[' {
@@ -179,8 +178,7 @@ fn names_in_list(mut c: Cursor<'_>, scopes: &Scopes) -> Vec<u64> {
     let mut more = c.eat(b'[');
     while more {
         count += 1;
-        c.skip_space();
-        let word = c.word();
+        let word = c.name_ahead();
         let name = scopes.key(hashed(word), c.at);
         c.skip_space();
         found.extend((!word.is_empty() && matches!(c.peek(), b',' | b']')).then_some(name));

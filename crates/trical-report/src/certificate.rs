@@ -75,9 +75,10 @@ pub fn of_calibration(c: &Calibration, made: &Made) -> Result<String> {
         Some((how, e)) => {
             at += &format!(", and of {:.3} mm at poses that the fit did not see", e.mean_mm);
             format!(
-                "The numbers above are at the poses of the fit. At poses that the fit did not see ({how}) the error is {:.3} mm on average \
-                 and {:.3} mm at most. `trical validate` certifies the model on another recording.",
-                e.mean_mm, e.max_mm
+                "The numbers above are at the poses of the fit. At poses that the fit did not see ({how}) the error is {:.3} mm on average; \
+                 the largest at any such pose, however poses were left out, is {:.3} mm. `trical validate` certifies the model on another recording.",
+                e.mean_mm,
+                c.held_out.largest_mm()
             )
         }
         None => "These are the poses of the fit: the numbers say nothing about other poses.".to_owned(),

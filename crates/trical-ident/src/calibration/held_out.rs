@@ -52,6 +52,12 @@ impl HeldOut {
     pub fn worst(&self) -> Option<(&'static str, ErrorSummary)> {
         self.named().into_iter().max_by(|a, b| a.1.mean_mm.total_cmp(&b.1.mean_mm))
     }
+
+    /// The largest error of all of them, mm: it need not be of the one with the largest mean.
+    #[must_use]
+    pub fn largest_mm(&self) -> f64 {
+        self.named().into_iter().map(|(_, e)| e.max_mm).fold(0.0, f64::max)
+    }
 }
 
 /// Errors (m) of the observations whose pose is in `scored`, by a fit to the others.
@@ -182,4 +188,17 @@ pub fn score_sessions(data: &Dataset, fit: Fit<'_>) -> Result<Vec<f64>> {
         }
     }
     Ok(errors)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_worst_is_that_of_the_largest_mean_and_the_largest_error_may_be_of_another() {
+        let [even, wide] = [[1e-3, 1e-3], [1e-4, 1.7e-3]].map(|errors| Some(ErrorSummary::of(&errors)));
+        let held_out = HeldOut { by_block: wide, forward: even, ..HeldOut::default() };
+        assert_eq!(held_out.worst().map(|(how, _)| how), Some("forward in time"));
+        assert!((held_out.largest_mm() - 1.7).abs() < 1e-12 && HeldOut::default().largest_mm() == 0.0);
+    }
 }

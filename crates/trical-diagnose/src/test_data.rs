@@ -3,6 +3,7 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use trical_ident::dataset::Observation;
 use trical_ident::{Aim, Dataset, JointSource, ParameterSet, Scatter, simulate};
 use trical_model::{
     Basis, Cell, Forward, Measured, Model, Place, Recording, Robot, Row, Shape, Site, State, Term, Variable,
@@ -87,6 +88,13 @@ pub(crate) fn with_joints(hidden: &[(usize, Basis, f64)]) -> (Model, Dataset) {
     let recording = simulate(&truth, &rows, &Scatter { length: 1e-5, angle: 0.0, seed: 3 }, None).unwrap();
     let data = Dataset::build(&[recording], JointSource::Read, None).unwrap();
     (truth, data)
+}
+
+/// A recording of the measurements.
+pub(crate) fn recorded(data: &Dataset) -> Recording {
+    let row = |o: &Observation| Row { state: o.state, measured: o.measured, seq: None, line: o.row };
+    let rows = data.observations.iter().map(row).collect();
+    Recording { name: "recorded".into(), joints: 6, rows, ..Recording::default() }
 }
 
 /// A joint is off by what a shape of its own angle says, at sizes of 1 mrad.

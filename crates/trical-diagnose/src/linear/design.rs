@@ -35,10 +35,10 @@ pub struct Design {
     /// `X'X - (Q'X)'(Q'X)` of all columns with those of a candidate, `width x k`, from when it is first asked for.
     pub(super) grams: Vec<OnceLock<Mat>>,
     /// Of each column with itself, and of the columns of each candidate with each other (see `state`).
-    pub(super) left: Vec<f64>,
-    pub(super) beside: Vec<f64>,
+    pub(super) diagonal: Vec<f64>,
+    pub(super) below_diagonal: Vec<f64>,
     /// Where those of each candidate begin.
-    pub(super) beside_at: Vec<usize>,
+    pub(super) below_at: Vec<usize>,
     /// `X'r` of all columns, and `r'r`, after projection.
     pub(super) b: Vec<f64>,
     pub(super) ss: f64,
@@ -126,18 +126,19 @@ impl Design {
             None => linear.products_among(&spans),
         };
         let grams = spans.iter().map(|_| OnceLock::new()).collect();
-        let (mut squares, mut left, mut beside, mut beside_at) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let (mut squares, mut diagonal, mut below_diagonal, mut below_at) =
+            (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for ((from, to), among) in spans.iter().zip(&among) {
-            beside_at.push(beside.len());
+            below_at.push(below_diagonal.len());
             let mut products = among.iter();
             for i in *from..*to {
                 for (j, product) in (*from..=i).zip(&mut products) {
                     let known: f64 = projected.col(i).iter().zip(projected.col(j)).map(|(a, b)| a * b).sum();
                     if i == j {
                         squares.push(*product);
-                        left.push(product - known);
+                        diagonal.push(product - known);
                     } else {
-                        beside.push(product - known);
+                        below_diagonal.push(product - known);
                     }
                 }
             }
@@ -153,9 +154,9 @@ impl Design {
             squares,
             precision,
             projected,
-            left,
-            beside,
-            beside_at,
+            diagonal,
+            below_diagonal,
+            below_at,
             b,
             ss,
             of_parameters,

@@ -112,8 +112,8 @@ impl<'a> Downdate<'a> {
         new.sort_unstable();
         new.dedup();
         let full = &self.full;
-        let left: Vec<_> = new.into_par_iter().map(|c| (c, self.design.orthogonal(&full.parts, c))).collect();
-        self.others.extend(left);
+        let orthogonal: Vec<_> = new.into_par_iter().map(|c| (c, self.design.orthogonal(&full.parts, c))).collect();
+        self.others.extend(orthogonal);
     }
 
     /// `without` with a candidate added.
@@ -121,8 +121,8 @@ impl<'a> Downdate<'a> {
     pub fn with(&self, without: &Downdated, candidate: usize) -> RegressionState {
         let mut state = without.state.clone();
         match self.others.iter().find(|(c, _)| *c == candidate) {
-            Some((_, left)) if without.common > 0 => {
-                self.design.add_left(&mut state, candidate, left.clone(), without.common);
+            Some((_, orthogonal)) if without.common > 0 => {
+                self.design.add_orthogonal(&mut state, candidate, orthogonal.clone(), without.common);
             }
             _ => self.design.add(&mut state, candidate),
         }

@@ -65,7 +65,7 @@ pub struct Predictive {
 /// The rows of a part as they are predicted, and how their covariance differs from that of the whole set, in whose measure they are, or, if
 /// they are predicted `anew`, from `I`: by `- out out' + added added'`.
 struct Predicted {
-    left: Mat,
+    residual: Mat,
     out: Mat,
     added: Mat,
     anew: bool,
@@ -91,7 +91,7 @@ struct Tested {
     /// `X_t H^-1`.
     hat: Mat,
     /// Residual.
-    left: Mat,
+    residual: Mat,
 }
 
 /// A candidate beside the set.
@@ -215,10 +215,10 @@ impl<'a> Partition<'a> {
         let factor = Cholesky::of(&h)?;
         let (inverse, x) = (factor.inverse(), factor.solve(&g));
         let tested = &self.columns[part];
-        let mut left = self.residual_of(part);
-        left.add_product(1.0, tested, &x);
+        let mut residual = self.residual_of(part);
+        residual.add_product(1.0, tested, &x);
         let hat = tested * &inverse;
-        Some(Fit { inverse, x, tested: Tested { hat, left } })
+        Some(Fit { inverse, x, tested: Tested { hat, residual } })
     }
 
     /// A part's rows by the fit of some columns alone, with these precisions, to the other parts.
@@ -226,9 +226,9 @@ impl<'a> Partition<'a> {
         let (h, g) = self.normal(part, columns, precision);
         let factor = Cholesky::of(&h)?;
         let rows = self.rows_of(part, columns);
-        let left = self.residual_of(part) + &(&rows * &factor.solve(&g));
-        let out = Mat::zeros(left.nrows(), 0);
-        Some(Predicted { left, out, added: asked.over_root(rows, factor.lower()), anew: true })
+        let residual = self.residual_of(part) + &(&rows * &factor.solve(&g));
+        let out = Mat::zeros(residual.nrows(), 0);
+        Some(Predicted { residual, out, added: asked.over_root(rows, factor.lower()), anew: true })
     }
 
     /// Residual of a part's rows without any fit.
@@ -267,7 +267,7 @@ impl<'a> Partition<'a> {
         for (rows, predicted) in self.rows.iter().zip(predicted) {
             let Some(predicted) = predicted else { continue };
             for (i, row) in rows.iter().enumerate() {
-                all[*row] = predicted.left[(i, 0)];
+                all[*row] = predicted.residual[(i, 0)];
             }
         }
         all
@@ -296,9 +296,9 @@ impl<'a> Partition<'a> {
         let measured = self.fits.iter().map(|fit| fit.tested.clone()).collect();
         let mut this = Predictive { blocks: blocks?, count, measured };
         for b in &this.blocks {
-            let Tested { hat, left } = &mut this.measured[b.part];
+            let Tested { hat, residual } = &mut this.measured[b.part];
             b.measure(hat);
-            b.measure(left);
+            b.measure(residual);
         }
         Some(this)
     }
@@ -348,9 +348,9 @@ impl<'a> Partition<'a> {
     ) -> Option<Predicted> {
         let fit = &self.fits[part];
         let pick = |m: &Mat| Mat::from_fn(m.nrows(), o.len(), |i, j| m[(i, o[j])]);
-        let none = Mat::zeros(tested.left.nrows(), 0);
+        let none = Mat::zeros(tested.residual.nrows(), 0);
         if o.is_empty() && add.is_none() {
-            return Some(Predicted { left: tested.left.clone(), out: none.clone(), added: none, anew: false });
+            return Some(Predicted { residual: tested.residual.clone(), out: none.clone(), added: none, anew: false });
         }
         if add.is_none() && 2 * o.len() > self.scale.len() {
             // what is left is less than what goes
@@ -362,10 +362,15 @@ impl<'a> Partition<'a> {
         let x_out = Mat::from_fn(o.len(), 1, |i, _| fit.x[(o[i], 0)]);
         let y = factor.solve(&x_out);
         let hat_out = pick(&tested.hat);
-        let mut left = tested.left.clone();
-        left.add_product(-1.0, &hat_out, &y);
+        let mut residual = tested.residual.clone();
+        residual.add_product(-1.0, &hat_out, &y);
         let Some(added) = add else {
-            return Some(Predicted { left, out: asked.over_root(hat_out, factor.lower()), added: none, anew: false });
+            return Some(Predicted {
+                residual,
+                out: asked.over_root(hat_out, factor.lower()),
+                added: none,
+                anew: false,
+            });
         };
         // sums over the rows that are fitted
         let (n, k) = (self.scale.len(), added.precision.len());
@@ -391,9 +396,9 @@ impl<'a> Partition<'a> {
         let mut shown = added.parts[part].columns.clone();
         shown.add_product(-1.0, &tested.hat, &a);
         shown.add_product(1.0, &hat_out, &through);
-        left.add_product(-1.0, &shown, &complement.solve(&ar));
+        residual.add_product(-1.0, &shown, &complement.solve(&ar));
         let (out, added) = (asked.over_root(hat_out, factor.lower()), asked.over_root(shown, complement.lower()));
-        Some(Predicted { left, out, added, anew: false })
+        Some(Predicted { residual, out, added, anew: false })
     }
 
     /// Pose of each row.
@@ -468,7 +473,7 @@ impl Block {
 
     fn foreseen(&self, predicted: &Predicted) -> Option<Foreseen> {
         let n = self.rows.len();
-        let [r, out, added] = [&predicted.left, &predicted.out, &predicted.added].map(|m| some_rows(m, &self.rows));
+        let [r, out, added] = [&predicted.residual, &predicted.out, &predicted.added].map(|m| some_rows(m, &self.rows));
         let before = if predicted.anew { 0.0 } else { log_square(&self.factor) };
         let (square, log_covariance) = if n <= out.ncols() + added.ncols() {
             let mut covariance = identity_and(-1.0, out.view(), out.transpose());

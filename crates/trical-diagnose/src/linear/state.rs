@@ -21,10 +21,10 @@ pub struct RegressionState {
     /// Columns that were added.
     pub(crate) added: Vec<Added>,
     /// Squared length of every column after projection.
-    pub(crate) left: Vec<f64>,
+    pub(crate) diagonal: Vec<f64>,
     /// Inner products of the columns of each candidate with each other after projection: for its second column that with the
     /// first, for its third those with the first and the second, and so on.
-    pub(crate) beside: Vec<f64>,
+    pub(crate) below_diagonal: Vec<f64>,
     /// `X'r` of every column.
     pub(crate) b: Vec<f64>,
     /// Weighted sum of squares left.
@@ -69,17 +69,17 @@ impl Gain {
 }
 
 impl RegressionState {
-    pub(crate) fn bare(left: Vec<f64>, beside: Vec<f64>, b: Vec<f64>, ss: f64, parameters: f64) -> Self {
-        Self { parts: Vec::new(), added: Vec::new(), left, beside, b, ss, parameters }
+    pub(crate) fn bare(diagonal: Vec<f64>, below_diagonal: Vec<f64>, b: Vec<f64>, ss: f64, parameters: f64) -> Self {
+        Self { parts: Vec::new(), added: Vec::new(), diagonal, below_diagonal, b, ss, parameters }
     }
 
-    /// With fewer columns, as `of` and `beside_of` take them; what was added so far stays nameless.
-    pub(crate) fn narrowed(&self, of: &dyn Fn(&[f64]) -> Vec<f64>, beside_of: &dyn Fn(&[f64]) -> Vec<f64>) -> Self {
+    /// With fewer columns, as `of` and `below_of` take them; what was added so far stays nameless.
+    pub(crate) fn narrowed(&self, of: &dyn Fn(&[f64]) -> Vec<f64>, below_of: &dyn Fn(&[f64]) -> Vec<f64>) -> Self {
         Self {
             parts: self.parts.iter().map(|p| Part { w: of(&p.w).into(), ..*p }).collect(),
             added: Vec::new(),
-            left: of(&self.left),
-            beside: beside_of(&self.beside),
+            diagonal: of(&self.diagonal),
+            below_diagonal: below_of(&self.below_diagonal),
             b: of(&self.b),
             ..*self
         }
@@ -88,11 +88,17 @@ impl RegressionState {
     /// Takes what a part explains out of all products, or puts it back.
     pub(crate) fn project_out(&mut self, design: &Design, part: Part, d: f64) {
         let sign = if part.taken_out { -1.0 } else { 1.0 };
-        Arch::new().dispatch(ProjectOut { w: &part.w, d: sign * d, sign, b: &mut self.b, left: &mut self.left });
-        for ((from, to), at) in design.spans.iter().zip(&design.beside_at) {
+        Arch::new().dispatch(ProjectOut {
+            w: &part.w,
+            d: sign * d,
+            sign,
+            b: &mut self.b,
+            diagonal: &mut self.diagonal,
+        });
+        for ((from, to), at) in design.spans.iter().zip(&design.below_at) {
             if to - from > 1 {
                 let w = &part.w[*from..*to];
-                let mut products = self.beside[*at..].iter_mut();
+                let mut products = self.below_diagonal[*at..].iter_mut();
                 for (i, x) in w.iter().enumerate().skip(1) {
                     for (y, product) in w[..i].iter().zip(&mut products) {
                         *product -= sign * (x * y);
@@ -109,7 +115,13 @@ impl Design {
     /// The state with nothing added.
     #[must_use]
     pub fn start(&self) -> RegressionState {
-        RegressionState::bare(self.left.clone(), self.beside.clone(), self.b.clone(), self.ss, self.parameters)
+        RegressionState::bare(
+            self.diagonal.clone(),
+            self.below_diagonal.clone(),
+            self.b.clone(),
+            self.ss,
+            self.parameters,
+        )
     }
 
     /// The same rows with what a state added made part of the fit, its priors included: candidates beside it then cost no more than they would
@@ -129,9 +141,9 @@ impl Design {
             precision: self.precision.clone(),
             projected,
             grams: self.spans.iter().map(|_| OnceLock::new()).collect(),
-            left: state.left.clone(),
-            beside: state.beside.clone(),
-            beside_at: self.beside_at.clone(),
+            diagonal: state.diagonal.clone(),
+            below_diagonal: state.below_diagonal.clone(),
+            below_at: self.below_at.clone(),
             b: state.b.clone(),
             ss: state.ss,
             ..*self
@@ -143,19 +155,19 @@ impl Design {
     #[must_use]
     pub fn narrowed(&self, state: &RegressionState, set: &[usize]) -> (Self, RegressionState) {
         let mut spans = vec![(0, 0); self.spans.len()];
-        let mut beside_at = vec![0; self.spans.len()];
+        let mut below_at = vec![0; self.spans.len()];
         let mut kept: Vec<usize> = Vec::new();
-        let mut kept_beside: Vec<usize> = Vec::new();
+        let mut kept_below: Vec<usize> = Vec::new();
         for c in set {
             let (from, to) = self.spans[*c];
             let k = to - from;
             spans[*c] = (kept.len(), kept.len() + k);
-            beside_at[*c] = kept_beside.len();
+            below_at[*c] = kept_below.len();
             kept.extend(from..to);
-            kept_beside.extend(self.beside_at[*c]..self.beside_at[*c] + k * k.saturating_sub(1) / 2);
+            kept_below.extend(self.below_at[*c]..self.below_at[*c] + k * k.saturating_sub(1) / 2);
         }
         let of = |v: &[f64]| kept.iter().map(|a| v[*a]).collect::<Vec<f64>>();
-        let beside_of = |v: &[f64]| kept_beside.iter().map(|a| v[*a]).collect::<Vec<f64>>();
+        let below_of = |v: &[f64]| kept_below.iter().map(|a| v[*a]).collect::<Vec<f64>>();
         let grams: Vec<OnceLock<Mat>> = self.spans.iter().map(|_| OnceLock::new()).collect();
         self.prepare(set);
         for c in set {
@@ -172,25 +184,25 @@ impl Design {
             precision: of(&self.precision),
             projected: Mat::zeros(0, 0),
             grams,
-            left: of(&self.left),
-            beside: beside_of(&self.beside),
-            beside_at,
+            diagonal: of(&self.diagonal),
+            below_diagonal: below_of(&self.below_diagonal),
+            below_at,
             b: of(&self.b),
             ss: self.ss,
             of_parameters: self.of_parameters,
         };
-        (narrow, state.narrowed(&of, &beside_of))
+        (narrow, state.narrowed(&of, &below_of))
     }
 
     /// Whether the fit has not absorbed a column.
-    fn is_left(&self, state: &RegressionState, column: usize) -> bool {
-        self.squares[column] > 0.0 && state.left[column] > ABSORBED_SHARE * ABSORBED_SHARE * self.squares[column]
+    fn is_unabsorbed(&self, state: &RegressionState, column: usize) -> bool {
+        self.squares[column] > 0.0 && state.diagonal[column] > ABSORBED_SHARE * ABSORBED_SHARE * self.squares[column]
     }
 
     /// Adds a candidate to the basis.
     pub fn add(&self, state: &mut RegressionState, candidate: usize) {
-        let left = self.orthogonal(&state.parts, candidate);
-        self.add_left(state, candidate, left, state.parts.len());
+        let orthogonal = self.orthogonal(&state.parts, candidate);
+        self.add_orthogonal(state, candidate, orthogonal, state.parts.len());
     }
 
     /// A state with a set of candidates added. In a design that is much wider than the set, they are added one after the other to the picture of
@@ -211,8 +223,8 @@ impl Design {
             let before = among.added.len();
             few.add(&mut among, *c);
             if among.added.len() > before {
-                let left = self.orthogonal(&start.parts, *c);
-                w.extend(among.added[before..].iter().map(|a| left[a.column - few.spans[*c].0].clone()));
+                let orthogonal = self.orthogonal(&start.parts, *c);
+                w.extend(among.added[before..].iter().map(|a| orthogonal[a.column - few.spans[*c].0].clone()));
                 let own = |a: &Added| Added { column: a.column - few.spans[*c].0 + self.spans[*c].0, ..*a };
                 state.added.extend(among.added[before..].iter().map(own));
             }
@@ -230,23 +242,29 @@ impl Design {
     pub(crate) fn orthogonal(&self, parts: &[Part], candidate: usize) -> Vec<Vec<f64>> {
         let (from, to) = self.spans[candidate];
         let gram = self.gram(candidate);
-        let mut left: Vec<Vec<f64>> = (0..gram.ncols()).map(|j| gram.col(j).to_vec()).collect();
+        let mut orthogonal: Vec<Vec<f64>> = (0..gram.ncols()).map(|j| gram.col(j).to_vec()).collect();
         let columns: Vec<usize> = (from..to).collect();
-        Arch::new().dispatch(Orthogonal { w: &mut left, at: &columns, known: parts });
-        left
+        Arch::new().dispatch(Orthogonal { w: &mut orthogonal, at: &columns, known: parts });
+        orthogonal
     }
 
-    /// Adds a candidate, of whose inner products the first `done` parts of a state have left `left`.
-    pub(crate) fn add_left(&self, state: &mut RegressionState, candidate: usize, left: Vec<Vec<f64>>, done: usize) {
+    /// Adds a candidate, of whose inner products the first `done` parts of a state leave `orthogonal`.
+    pub(crate) fn add_orthogonal(
+        &self,
+        state: &mut RegressionState,
+        candidate: usize,
+        orthogonal: Vec<Vec<f64>>,
+        done: usize,
+    ) {
         let from = self.spans[candidate].0;
-        for (a, mut w) in (from..).zip(left) {
+        for (a, mut w) in (from..).zip(orthogonal) {
             // those of the same candidate before it may have taken all of it
-            if !self.is_left(state, a) {
+            if !self.is_unabsorbed(state, a) {
                 continue;
             }
             let rest = Orthogonal { w: std::slice::from_mut(&mut w), at: &[a], known: &state.parts[done..] };
             Arch::new().dispatch(rest);
-            let square = state.left[a] + self.precision[a];
+            let square = state.diagonal[a] + self.precision[a];
             let norm = square.sqrt();
             w.iter_mut().for_each(|v| *v /= norm);
             let d = state.b[a] / norm;
@@ -259,15 +277,15 @@ impl Design {
     /// `G` of a candidate (k x k, row by row) and the columns that the fit does not absorb.
     fn gram_of(&self, state: &RegressionState, candidate: usize) -> (Vec<usize>, Vec<f64>) {
         let (from, to) = self.spans[candidate];
-        let kept: Vec<usize> = (from..to).filter(|a| self.is_left(state, *a)).collect();
+        let kept: Vec<usize> = (from..to).filter(|a| self.is_unabsorbed(state, *a)).collect();
         let k = kept.len();
-        let beside = &state.beside[self.beside_at[candidate]..];
+        let below_diagonal = &state.below_diagonal[self.below_at[candidate]..];
         let mut g = vec![0.0; k * k];
         for i in 0..k {
-            g[i * k + i] = state.left[kept[i]];
+            g[i * k + i] = state.diagonal[kept[i]];
             let row = kept[i] - from;
             for j in 0..i {
-                let v = beside[row * row.saturating_sub(1) / 2 + kept[j] - from];
+                let v = below_diagonal[row * row.saturating_sub(1) / 2 + kept[j] - from];
                 g[i * k + j] = v;
                 g[j * k + i] = v;
             }
@@ -297,9 +315,9 @@ impl Design {
     pub(crate) fn gain_of(&self, state: &RegressionState, candidate: usize, least_dss: f64) -> Option<Gain> {
         let (from, to) = self.spans[candidate];
         if to == from + 1 {
-            let square = state.left[from] + self.precision[from];
+            let square = state.diagonal[from] + self.precision[from];
             let dss = state.b[from] * state.b[from] / square;
-            let of_use = self.is_left(state, from) && dss >= least_dss;
+            let of_use = self.is_unabsorbed(state, from) && dss >= least_dss;
             return of_use.then(|| Gain::of_one(dss, self.precision[from] / square));
         }
         let (kept, l, y) = self.solved(state, candidate);
@@ -433,7 +451,7 @@ struct ProjectOut<'a> {
     d: f64,
     sign: f64,
     b: &'a mut [f64],
-    left: &'a mut [f64],
+    diagonal: &'a mut [f64],
 }
 
 impl pulp::NullaryFnOnce for ProjectOut<'_> {
@@ -441,10 +459,10 @@ impl pulp::NullaryFnOnce for ProjectOut<'_> {
 
     #[inline(always)]
     fn call(self) {
-        let Self { w, d, sign, b, left } = self;
-        for ((x, b), left) in w.iter().zip(b).zip(left) {
+        let Self { w, d, sign, b, diagonal } = self;
+        for ((x, b), diagonal) in w.iter().zip(b).zip(diagonal) {
             *b -= d * x;
-            *left -= sign * (x * x);
+            *diagonal -= sign * (x * x);
         }
     }
 }

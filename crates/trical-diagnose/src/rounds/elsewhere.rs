@@ -86,3 +86,59 @@ fn stands_for_shared(t: &Term, model: &Model, data: &Dataset) -> bool {
         || sessions.iter().all(|s| model.terms.iter().any(|other| is_own(other, *s) && of_balls(other) == of_balls(t)));
     sessions.first().is_some_and(|first| is_own(t, *first) && all_own())
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use trical_ident::JointSource;
+    use trical_model::{Axis, Motion, Place, Recording, Shape, State, Variable};
+
+    use super::*;
+    use crate::effect_id::EffectId;
+    use crate::options::Options;
+    use crate::test_data::{arm, recorded, touches, with_joint_2};
+
+    #[test]
+    fn an_arm_is_better_in_sessions_that_it_was_not_fitted_to_with_what_was_found_and_one_session_says_nothing() {
+        let linear = Basis::new(Variable::Joint { joint: 2 }, Shape::Linear);
+        let (truth, data) = with_joint_2(&[(linear, 2e-3)]);
+        let whole = recorded(&data);
+        let of = |recordings: &[Recording]| {
+            let data = Dataset::build(recordings, JointSource::Read, None).unwrap();
+            let mut rounds = Rounds::begin(&truth.robot, &truth.cell, &data, &Options::default()).unwrap();
+            let is_ratio =
+                |c: &crate::candidate::Candidate| c.cause == EffectId::GearRatio.into() && c.site == Place::Joint(2);
+            rounds.chosen = vec![rounds.candidates.iter().position(is_ratio).unwrap()];
+            rounds.refit().unwrap();
+            (rounds.by_session().unwrap(), rounds.by_place().unwrap())
+        };
+        assert!(matches!(of(std::slice::from_ref(&whole)), ([None, None], [None, None])));
+        let (first, second) = whole.rows.split_at(100);
+        let session = |name: &str, rows: &[trical_model::Row]| Recording {
+            name: name.into(),
+            rows: rows.to_vec(),
+            ..whole.clone()
+        };
+        let ([Some(plain), Some(found)], [None, None]) = of(&[session("a", first), session("b", second)]) else {
+            panic!("two sessions, whose balls stand where the cell says");
+        };
+        assert!(found.mean_mm < 0.2 * plain.mean_mm && found.mean_mm < 0.03, "{} {}", found.mean_mm, plain.mean_mm);
+    }
+
+    #[test]
+    fn the_first_sessions_own_tool_is_what_all_have_where_each_has_its_own() {
+        let own = |motion, session| Term::new("own", "own", Site::Tool(motion), Basis::CONSTANT.in_session(session));
+        let x = Motion::Along(Axis::X);
+        let mut model = arm();
+        model.terms = vec![own(x, 1), own(x, 2)];
+        let stands = |term: usize, sessions: usize| {
+            let one = |k: usize| vec![(State::at(&[0.1 * k as f64; 6]), [0.0; 3])];
+            let data = touches(&(0..sessions).map(one).collect::<Vec<_>>());
+            stands_for_shared(&model.terms[term], &model, &data)
+        };
+        assert!(stands(0, 2) && !stands(1, 2));
+        // the third has the shared one
+        assert!(!stands(0, 3));
+    }
+}

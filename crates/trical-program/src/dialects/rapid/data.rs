@@ -10,7 +10,7 @@ use crate::names::Origin;
 use crate::packed::External;
 use crate::reaching::Part;
 use crate::scan::hashed;
-use crate::text::{Span, is_letter, lower, number};
+use crate::text::{Span, is_letter, lower};
 
 /// Values of external axes from here on mean that there is none (9E9).
 const NO_AXIS: f64 = 1e8;
@@ -271,14 +271,16 @@ impl Reader<'_> {
                     self.c.skip_string();
                     continue;
                 }
-                b if b.is_ascii_alphabetic() => {
-                    words.push(lower(self.c.word()));
-                    continue;
-                }
                 b';' => break,
                 _ => {
-                    if let Some(span) = self.c.number() {
-                        values.extend(number(span.text(self.c.bytes)));
+                    if let Some((_, value)) = self.constants.expression(&mut self.c) {
+                        values.push(value);
+                        continue;
+                    }
+                    // TRUE and FALSE, or a name without a value, which is one word too many
+                    let word = self.c.word();
+                    if !word.is_empty() {
+                        words.push(lower(word));
                         continue;
                     }
                 }

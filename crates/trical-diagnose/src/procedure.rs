@@ -53,13 +53,12 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
     let errors = fitted.errors()?;
     let before_errors = position_errors(&Forward::new(baseline.clone(), Vec::new())?, &fitted.data);
     let [plain_lack_of_fit, lack_of_fit] = proving.lack_of_fit();
-    let cautions =
-        cautions::of(&rounds, robot, &baseline, effective, &all, unsearched.as_ref().map(ToString::to_string))?
-            .into_iter()
-            .chain(cautions::another_zero(&grounds, &kept.names))
-            .chain(cautions::elsewhere("in a session", &of_sessions))
-            .chain(cautions::elsewhere("at a place of the balls", &of_places))
-            .collect();
+    let cautions = cautions::of(&rounds, robot, &baseline, effective, &all, unsearched.map(|u| u.to_string()))?
+        .into_iter()
+        .chain(cautions::another_zero(&grounds, &kept.names))
+        .chain(cautions::elsewhere("in a session", &of_sessions))
+        .chain(cautions::elsewhere("at a place of the balls", &of_places))
+        .collect();
     let diagnosis = Diagnosis {
         verdict: verdict::of(
             &findings,
@@ -112,6 +111,7 @@ pub fn diagnose(robot: &Robot, cell: &Cell, data: &Dataset, options: &Options, t
     task.step(1.0, "done")?;
     Ok(diagnosis)
 }
+
 /// Selection; then with rows restored that what was found, or one number more, explains; then with more to choose from where names do not say
 /// all, until nothing changes; then only what pays at poses that the fit did not see.
 fn select(rounds: &mut Rounds, names_only: bool, task: &Task<'_>) -> Result<()> {
@@ -139,6 +139,7 @@ fn select(rounds: &mut Rounds, names_only: bool, task: &Task<'_>) -> Result<()> 
     rounds.name_waves();
     Ok(())
 }
+
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]

@@ -210,6 +210,8 @@ mod tests {
         let [before, after] = [evidence.holdout_rms_before_mm, evidence.holdout_rms_after_mm];
         assert!(before == said.baseline.holdout_rms_mm && after < 0.5 * before, "{evidence:?}");
         assert!(said.after.held_out.forward.is_some() && said.findings.len() == 1);
+        let [before, after] = [said.baseline.lack_of_fit_p, said.after.lack_of_fit_p];
+        assert!(before < 1e-6 && after > 1e-3, "{before} {after}");
         // no thermometer, and a gap could have been seen
         let lacks = |id| said.blind_to.iter().any(|b| b.effect == id && b.lacks.is_some());
         assert!(lacks(EffectId::ThermalGrowth) && !lacks(EffectId::LostMotionDirection));

@@ -319,7 +319,7 @@ def spaced(language: str, text: str) -> str:
 @pytest.mark.parametrize(("language", "counts", "parts"), corpus())
 def test_blanks_change_nothing(language: str, counts: str, parts: dict[str, str], tmp_path: Path) -> None:
     parts = {name: filled(language, text) for name, text in parts.items()}
-    said = []
+    said: list[list[str]] = []
     for how in ("plain", "spaced"):
         folder = tmp_path / how
         folder.mkdir()
@@ -329,9 +329,10 @@ def test_blanks_change_nothing(language: str, counts: str, parts: dict[str, str]
         }
         try:
             done, text, dat = compensated(language, own, folder)
-            said.append([*done["problems"], text, dat])
+            found = [*done["problems"], text, dat]
         except trical.TricalError as error:
-            said.append([str(error).replace(str(folder), "")])
+            found = [str(error)]
+        said.append([each.replace(str(folder), "") for each in found])
     plain, blank = ([re.sub(r"\s", "", each) for each in of] for of in said)
     assert plain == blank, counts
 

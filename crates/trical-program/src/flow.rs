@@ -6,6 +6,7 @@
 use std::collections::{HashMap, HashSet};
 
 use crate::elsewhere::Elsewhere;
+use crate::frames::STANDING;
 use crate::scan::{Call, Fork, Scan, Setup, hashed};
 use crate::text::{Cursor, begins_line, lower};
 
@@ -20,6 +21,7 @@ const IN_BRANCH: &str = "set in a branch";
 const IN_LOOP: &str = "set in a loop";
 const BY_INTERRUPT: &str = "not the same wherever its interrupt may come";
 const BY_CALLER: &str = "not the same wherever the routine is called";
+const BY_JUMP: &str = "not the same wherever the program jumps from";
 const UNSETTLED: &str = "routines call each other, or too deep";
 const BY_ROUTINE: &str = "not the same wherever a routine returns";
 const ELSEWHERE: &str = "set by a routine of another file";
@@ -30,6 +32,8 @@ enum Block {
     Routine(u64),
     /// By the byte where it begins.
     Loop(usize),
+    /// Of a routine, where the program jumps to: by its hashed names.
+    Label(u64, u64),
 }
 
 /// How a block was entered and left.
@@ -50,9 +54,12 @@ enum Open {
         entered: Setup,
         ends: Option<Setup>,
     },
+    /// `exits` is what is set where the program leaves it within, `again` where it begins anew within.
     Loop {
         at: usize,
         before: Setup,
+        exits: Option<Setup>,
+        again: Option<Setup>,
     },
     /// `ends` is what the branches that are closed left; `complete` says that there is no way past them all.
     Branches {
@@ -69,6 +76,8 @@ pub struct Flow {
     known: HashMap<Block, Passage>,
     seen: HashMap<Block, Passage>,
     open: Vec<Open>,
+    /// Whether the program has left the block that is being read: it does not come to what follows in it.
+    has_left: bool,
     /// Routines of interrupts.
     interrupts: HashSet<u64>,
     /// What is set wherever the arm moves, outside of the routines of interrupts.
@@ -107,12 +116,12 @@ impl Flow {
             calls.sort_unstable_by_key(|(_, call)| call.at);
             let leaves = seen.iter().filter_map(|(block, p)| match block {
                 Block::Routine(name) => Some((*name, p.leaves()?)),
-                Block::Loop(_) => None,
+                Block::Loop(_) | Block::Label(..) => None,
             });
             scan(&mut made).routines = leaves.collect();
             let begins = seen.iter().filter_map(|(block, p)| match block {
                 Block::Routine(name) => Some((*name, p.begins.clone()?)),
-                Block::Loop(_) => None,
+                Block::Loop(_) | Block::Label(..) => None,
             });
             scan(&mut made).called_with = begins.collect();
             let mut called = Vec::new();
@@ -135,6 +144,7 @@ impl Flow {
             seen.retain(|block, p| match block {
                 Block::Routine(_) => p.begins.is_some() && p.ends.is_some() && *p != Passage::of(Setup::default()),
                 Block::Loop(_) => p.begins != p.ends,
+                Block::Label(..) => true,
             });
             if seen == before || !settled {
                 let scan = scan(&mut made);
@@ -160,11 +170,58 @@ impl Flow {
 
     /// Where a routine returns before its end.
     pub fn returns(&mut self, now: &Setup) {
+        if self.has_left {
+            return;
+        }
         for open in self.open.iter_mut().rev() {
             if let Open::Routine { ends, .. } = open {
                 *ends = Some(either(ends.as_ref(), now, BY_ROUTINE));
+                self.has_left = true;
                 return;
             }
+        }
+    }
+
+    /// Where the program leaves the innermost loop, or (`anew`) goes back to where it begins.
+    pub fn leaves_loop(&mut self, anew: bool, now: &Setup) {
+        if self.has_left {
+            return;
+        }
+        for open in self.open.iter_mut().rev() {
+            if let Open::Loop { exits, again, .. } = open {
+                *exits = Some(either(exits.as_ref(), now, IN_LOOP));
+                if anew {
+                    *again = Some(either(again.as_ref(), now, IN_LOOP));
+                }
+                self.has_left = true;
+                return;
+            }
+        }
+    }
+
+    /// A label of the routine that is being read.
+    fn label_here(&self, label: u64) -> Block {
+        let routine =
+            self.open.iter().rev().find_map(|o| if let Open::Routine { name, .. } = o { Some(*name) } else { None });
+        Block::Label(routine.unwrap_or_default(), label)
+    }
+
+    /// Where the program jumps to a label of the same routine.
+    pub fn jumps(&mut self, label: u64, now: &Setup) {
+        if self.has_left {
+            return;
+        }
+        let label = self.label_here(label);
+        let passage = self.seen.entry(label).or_default();
+        passage.begins = Some(either(passage.begins.as_ref(), now, BY_JUMP));
+        self.has_left = true;
+    }
+
+    /// At a label.
+    pub fn label(&mut self, label: u64, now: &mut Setup) {
+        let has_left = std::mem::take(&mut self.has_left);
+        if let Some(begins) = self.known.get(&self.label_here(label)).and_then(|p| p.begins.as_ref()) {
+            *now = if has_left { begins.clone() } else { either(Some(begins), now, BY_JUMP) };
         }
     }
 
@@ -207,6 +264,12 @@ impl Flow {
         Some(is_statement)
     }
 
+    /// Whether the program comes here whatever happens: it is in no branch and no loop.
+    #[must_use]
+    pub fn is_certain(&self) -> bool {
+        self.open.iter().all(|o| matches!(o, Open::Routine { .. }))
+    }
+
     /// Here begins what may call a routine at any time.
     pub fn interrupt(&mut self, routine: u64) {
         self.interrupts.insert(routine);
@@ -227,7 +290,7 @@ impl Flow {
 
     /// At the beginning of a loop that stands at byte `at`.
     pub fn repeat(&mut self, at: usize, now: &mut Setup) {
-        self.open.push(Open::Loop { at, before: now.clone() });
+        self.open.push(Open::Loop { at, before: now.clone(), exits: None, again: None });
         if let Some(ends) = self.known.get(&Block::Loop(at)).and_then(|p| p.ends.as_ref()) {
             *now = either(Some(ends), now, IN_LOOP);
         }
@@ -241,7 +304,8 @@ impl Flow {
     /// At the beginning of a further branch; `otherwise` says that it is taken where none before is.
     pub fn branch(&mut self, now: &mut Setup, otherwise: bool) {
         if let Some(Open::Branches { before, ends, begun, complete }) = self.open.last_mut() {
-            if std::mem::replace(begun, true) {
+            let has_left = std::mem::take(&mut self.has_left);
+            if std::mem::replace(begun, true) && !has_left {
                 *ends = Some(either(ends.as_ref(), now, IN_BRANCH));
             }
             *complete |= otherwise;
@@ -251,24 +315,38 @@ impl Flow {
 
     /// At the end of the block that was opened last: from where the program comes behind it.
     pub fn end(&mut self, now: &mut Setup) -> Option<Fork> {
-        match self.open.pop()? {
+        let open = self.open.pop()?;
+        let has_left = std::mem::take(&mut self.has_left);
+        match open {
             Open::Routine { name, outside, entered, ends } => {
                 let passage = self.seen.entry(Block::Routine(name)).or_default();
-                passage.ends = Some(either(ends.as_ref(), now, BY_ROUTINE));
+                let at_end = (!has_left || ends.is_none()).then(|| either(ends.as_ref(), now, BY_ROUTINE));
+                passage.ends = at_end.or(ends);
                 passage.entered = Some(entered);
                 *now = outside;
                 Some(Fork::Anywhere)
             }
-            Open::Loop { at, before } => {
-                let passage = Passage { ends: Some(now.clone()), ..Passage::of(before.clone()) };
+            Open::Loop { at, before, exits, again } => {
+                let mut ends = again;
+                if !has_left {
+                    ends = Some(either(ends.as_ref(), now, IN_LOOP));
+                }
+                let ends = ends.unwrap_or_else(|| before.clone());
+                let passage = Passage { ends: Some(ends.clone()), ..Passage::of(before.clone()) };
                 self.seen.insert(Block::Loop(at), passage);
-                *now = either(Some(&before), now, IN_LOOP);
+                *now = either(exits.as_ref(), &either(Some(&before), &ends, IN_LOOP), IN_LOOP);
                 Some(Fork::Closes)
             }
-            Open::Branches { before, ends, complete, .. } => {
-                let past = (!complete).then_some(&before);
-                let all = either(ends.as_ref(), now, IN_BRANCH);
-                *now = either(past, &all, IN_BRANCH);
+            Open::Branches { before, mut ends, complete, .. } => {
+                if !has_left {
+                    ends = Some(either(ends.as_ref(), now, IN_BRANCH));
+                }
+                if !complete {
+                    ends = Some(either(Some(&before), ends.as_ref().unwrap_or(&before), IN_BRANCH));
+                }
+                // where each of them leaves, nothing comes past them
+                self.has_left = ends.is_none();
+                *now = ends.unwrap_or(before);
                 Some(Fork::Closes)
             }
         }
@@ -328,7 +406,8 @@ fn declare_unknown(scan: &mut Scan) {
 fn either(a: Option<&Setup>, b: &Setup, why: &str) -> Setup {
     let Some(a) = a else { return b.clone() };
     let of = |what: &str, a: &Option<String>, b: &Option<String>| {
-        if a == b { a.clone() } else { Some(format!("{UNKNOWN} {what} ({why})")) }
+        let stands = [a, b].into_iter().flatten().any(|name| name.starts_with(STANDING));
+        if a == b { a.clone() } else { Some(format!("{}{UNKNOWN} {what} ({why})", if stands { STANDING } else { "" })) }
     };
     Setup { tool: of("tool", &a.tool, &b.tool), frame: of("frame", &a.frame, &b.frame) }
 }

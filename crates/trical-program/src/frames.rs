@@ -122,6 +122,9 @@ pub fn declare(known: &mut Named, name: String, new: Result<Frame, String>, twic
     known.insert(name, if differs { Err(twice.to_owned()) } else { new });
 }
 
+/// How the name begins of a tool that stands still while the robot carries the work.
+pub const STANDING: &str = "#tcp : ";
+
 /// Stands between the names of frames whose product is meant, each in the one before it.
 pub const TIMES: &str = " : ";
 

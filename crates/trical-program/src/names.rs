@@ -87,8 +87,12 @@ pub struct Names {
     calls: Vec<(u64, bool)>,
     /// What names are set from, and whether where that stands is known ([`Self::set_here`]).
     origins: HashMap<u64, Vec<(Origin, bool)>>,
-    /// Names with others that they are set from.
-    copies: HashSet<(u64, u64, bool)>,
+    /// Names with others that they are set from, and whether from their data as they are.
+    copies: HashSet<(u64, u64, bool, bool)>,
+    /// Names that are set from others.
+    set_from_others: HashSet<u64>,
+    /// Names that the file sets and does not declare: they may have numbers elsewhere.
+    elsewhere: HashSet<u64>,
     /// What the definitions without numbers of their own are set from.
     set_here: HashMap<u32, Origin>,
     /// Names that have such definitions.
@@ -97,6 +101,8 @@ pub struct Names {
     settled: HashSet<u64>,
     /// Names whose sources were followed, by the setups of the motions that go there.
     followed_on: HashSet<(u64, u32)>,
+    /// Names whose numbers are used wherever they are, by the setups of the motions that go there by other names.
+    used_on: HashSet<(u64, u32)>,
     /// Names with many definitions to any of which motions go: with which setups, and to which elements.
     met_any: HashSet<(u64, u32, Option<usize>)>,
     /// What was found of names without data, by the setups of the motions that go there; behind it `is_shifted` and `meets_target`.
@@ -143,6 +149,15 @@ pub struct Names {
     only_data: bool,
     /// What begins comments, in a language in which [`Self::read`] is seen from the names in the text.
     comment: Option<u8>,
+    /// Names that the file declares, where its language has data declared.
+    declared: Option<HashSet<u64>>,
+    /// Names that are set, in a program without routines, above all of its branches and jumps, and how many steps stand above: from there on
+    /// they are no more what they were elsewhere.
+    set_first: HashMap<u64, usize>,
+    /// The step of the program that is being resolved.
+    step: usize,
+    /// Whether a branch or a jump was read.
+    is_branched: bool,
     /// Whether other motions come between those to the elements of an array.
     apart: bool,
     /// Motions (name and setup) that say something else in each call of the routine in which they stand.
@@ -187,10 +202,26 @@ enum Use {
 }
 
 impl Names {
-    /// None yet, in a language whose comments this begins: which names its statements use is seen from the text.
+    /// In a language whose comments this begins: which names its statements use is seen from the text.
     #[must_use]
-    pub fn in_text(comment: u8) -> Self {
-        Self { comment: Some(comment), ..Self::default() }
+    pub fn in_text(self, comment: u8) -> Self {
+        Self { comment: Some(comment), ..self }
+    }
+
+    /// None yet, in a language that has data declared: what a file only sets is declared elsewhere.
+    #[must_use]
+    pub fn with_declarations() -> Self {
+        Self { declared: Some(HashSet::new()), ..Self::default() }
+    }
+
+    /// Data of this name are declared in the file.
+    pub fn declare(&mut self, name: u64) {
+        self.declared.iter_mut().for_each(|all| all.extend([name]));
+    }
+
+    /// The program may jump from here to what stands below.
+    pub fn jumps(&mut self) {
+        self.is_branched = true;
     }
 
     /// Targets `first..end` have this name (several: an array).
@@ -233,9 +264,12 @@ impl Names {
     /// The program sets the data of this name, or a part of them, here: motions that come from here meet what this gives, and not what was
     /// there before.
     pub fn set_here(&mut self, name: u64, part: Part, origin: Origin) {
-        // what is shifted against itself is still there
-        let is_new = !matches!(origin, Origin::Name { name: from, .. } if from == name);
+        // what is shifted against itself is still there; of an array, it may be another element
+        let is_new = part != Part::Whole || !matches!(origin, Origin::Name { name: from, .. } if from == name);
         if is_new {
+            if part == Part::Whole && self.within.is_empty() && !self.is_branched {
+                self.set_first.entry(name).or_insert(self.uses.len());
+            }
             self.set_here.insert(self.groups.len() as u32, origin);
             self.moved_on.insert(name);
             let definition = self.definition_here(name, part);
@@ -351,6 +385,7 @@ impl Names {
     pub fn define_at(&mut self, at: usize, first: usize, end: usize) -> Origin {
         let at = at as u32;
         let name = hashed_as_written(&[&b"\0at"[..], &at.to_le_bytes()].concat());
+        self.declare(name);
         self.define(name, first, end);
         self.copied_at.insert(at);
         Origin::Name { name, at }
@@ -359,7 +394,7 @@ impl Names {
     fn keep_origin(&mut self, name: u64, origin: Origin, is_here: bool) {
         let all = self.origins.entry(name).or_default();
         let is_new = match origin {
-            Origin::Name { name: from, .. } => self.copies.insert((name, from, is_here)),
+            Origin::Name { name: from, at } => self.copies.insert((name, from, is_here, self.copied_at.contains(&at))),
             _ => true,
         };
         match (all.len().cmp(&MOST_ORIGINS), origin) {
@@ -451,6 +486,7 @@ impl Names {
 
     /// From where the program comes to here.
     pub fn fork(&mut self, fork: Fork) {
+        self.is_branched = true;
         self.uses.push(Use::Direct(Visit::Fork(fork)));
     }
 
@@ -523,7 +559,7 @@ mod tests {
 
     #[test]
     fn targets_at_places_whose_bytes_are_one_letter_in_capitals_and_not_have_names_of_their_own() {
-        let mut names = Names::in_text(b';');
+        let mut names = Names::default().in_text(b';');
         let mut own = |at: u8| match names.define_at(usize::from(at), 0, 1) {
             Origin::Name { name, .. } => name,
             _ => 0,

@@ -84,6 +84,14 @@ pub fn compensate(
         return Err(input(format!("no targets found; expected {}", dialect.expected())));
     }
     let mut known = std::mem::take(&mut scan.frames);
+    for (is_tool, name) in &scan.set_late {
+        let [now, before] = [&known, frames].map(|all| all.of(*is_tool).get(name));
+        if before.is_some() && before != now {
+            let what = if *is_tool { "tool" } else { "base" };
+            let why = format!("the program gives {what} {name} other numbers on its way than the controller's files");
+            known.of_mut(*is_tool).insert(name.clone(), Err(why));
+        }
+    }
     known.or(frames);
     if dialect == Dialect::Csv {
         // a table declares nothing: these mean what they do in programs, where its user says nothing else

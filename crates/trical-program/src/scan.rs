@@ -208,6 +208,9 @@ pub struct Scan {
     pub loads: Vec<usize>,
     /// Tools and frames that the program declares.
     pub frames: Frames,
+    /// Tools (`true`) and frames of the controller that the program sets where it may have used them before: these may be as the controller has
+    /// them, or as the program says.
+    pub set_late: HashSet<(bool, String)>,
     /// Motions whose target cannot be rewritten, and places where one stands: offset and reason.
     pub problems: Vec<(usize, String)>,
     /// Where places are calculated to which the arm moves, which is among the problems.

@@ -73,10 +73,11 @@ pub fn begins_line(bytes: &[u8], at: usize) -> bool {
     bytes[..at].iter().rev().take_while(|b| **b != b'\n').all(u8::is_ascii_whitespace)
 }
 
-/// Whether a text has this name in it, in capitals or not.
+/// Whether a text has this name in it, in capitals or not, and not only in strings.
 #[must_use]
 pub fn mentions(text: &[u8], name: &[u8]) -> bool {
-    text.split(|b| !is_letter(*b) && !b.is_ascii_digit()).any(|w| w.eq_ignore_ascii_case(name))
+    let mut code = text.split(|b| *b == b'"').step_by(2);
+    code.any(|code| code.split(|b| !is_letter(*b) && !b.is_ascii_digit()).any(|w| w.eq_ignore_ascii_case(name)))
 }
 
 /// Whether a word is one of these, in capitals or not.

@@ -62,6 +62,7 @@ class Function:
 
     parameters: list[str]
     body: list
+    by_reference: frozenset[str] = frozenset()
 
 
 class Leave(Exception):
@@ -302,6 +303,9 @@ class Machine:
                 return leave.value
             finally:
                 self.scopes.pop()
+                for p, a in zip(routine.parameters, args, strict=False):
+                    if p in routine.by_reference and a[0] in ("name", "index", "part"):
+                        self.place(a, scope[p].value, scope[p].because | {line})
             return None
         if name in MATH:
             return MATH[name](*[self.value(a) for a in args])

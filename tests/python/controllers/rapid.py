@@ -67,21 +67,24 @@ class Rapid(Parser):
                 if word == "func":
                     self.next()
                 name = self.next().text
-                parameters = self.parameters() if self.has("(") else []
-                routines[name] = Function(parameters, self.block(f"end{word}"))
+                parameters, lent = self.parameters() if self.has("(") else ([], frozenset())
+                routines[name] = Function(parameters, self.block(f"end{word}"), lent)
             else:
                 data += self.statement()
         return data, routines
 
-    def parameters(self) -> list[str]:
-        names, last = [], ""
+    def parameters(self) -> tuple[list[str], frozenset[str]]:
+        """Their names, and those by which a routine changes what it is given."""
+        all: list[list[str]] = [[]]
         while not self.has(")"):
             word = self.next()
             if word.text == ",":
-                names.append(last)
+                all.append([])
             elif word.kind == "name":
-                last = word.text
-        return [*names, last] if last else names
+                all[-1].append(word.text)
+        all = [words for words in all if words]
+        lent = (words[-1] for words in all if words[0] in ("var", "pers", "inout"))
+        return [words[-1] for words in all], frozenset(lent)
 
     def statement(self) -> list:
         word = self.now

@@ -11,6 +11,7 @@ use crate::branch::Configuration;
 use crate::literal::Shape;
 use crate::names::{Names, Origin, Way};
 use crate::packed::External;
+use crate::reaching::Part;
 use crate::scan::{Fork, OWN_SETUP, Scan, Setup, Visit, changed_here, hashed};
 use crate::text::{Cursor, Span, is_among_as_written, lower};
 
@@ -51,7 +52,8 @@ pub fn scan(bytes: &[u8]) -> Scan {
         scan.problem(at, what);
         return scan;
     }
-    let mut names = Names::default();
+    // registers are the controller's, and have numbers there
+    let mut names = Names::with_declarations();
     let main = section(bytes, b"/MN").map_or(0, |m| m.min(positions));
     let active = [["UTOOL_NUM", "$MNUTOOLNUM"], ["UFRAME_NUM", "$MNUFRAMENUM"]]
         .map(|names| active(&bytes[main..positions], names));
@@ -289,6 +291,7 @@ fn position(
     };
     let setup = scan.setup(setup);
     scan.assign(spot, setup);
+    names.declare(hash);
     names.define(hash, spot as usize, spot as usize + 1);
     Some((hash, None))
 }
@@ -494,6 +497,12 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
             }
         }
         let done = action(&upper);
+        let is_conditional = done.len() < upper.len();
+        if is_conditional {
+            names.fork(Fork::Opens);
+        } else if has(&upper, b"JMP") {
+            names.jumps();
+        }
         let offset = offset + upper.len() - done.len();
         let (upper, all) = (done, places(done));
         if sets_frame(upper) {
@@ -522,6 +531,9 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
             motion(upper, &all, offset, scan, names);
         } else if let Some((at, own)) = of_first_group(upper) {
             motion(own, &places(own), offset + at, scan, names);
+        }
+        if is_conditional {
+            names.fork(Fork::Closes);
         }
     }
 }
@@ -651,5 +663,9 @@ fn set_register(
         _ if has(source, b"LPOS") || has(source, b"JPOS") => Origin::Here,
         _ => Origin::Computed(at),
     };
-    names.set_from(name, origin);
+    if is_element {
+        names.set_from(name, origin);
+    } else {
+        names.set_here(name, Part::Whole, origin);
+    }
 }

@@ -63,6 +63,9 @@ const BY_SENSOR: [(&[u8], &str); 3] = [
     (b"RSI_MOVECORR", MOVES_BY_SENSOR),
     (b"ST_MOVESENS", MOVES_BY_SENSOR),
 ];
+/// Words that begin lines in which what looks like a call is none, or is made when something happens.
+const NO_STATEMENTS: [&[u8]; 10] =
+    [b"DEF", b"DEFFCT", b"GLOBAL", b"EXT", b"EXTFCT", b"EXTP", b"EXTFCTP", b"INTERRUPT", b"TRIGGER", b"DEFDAT"];
 const TYPES: [&[u8]; 5] = [b"E6POS", b"POS", b"FRAME", b"E6AXIS", b"AXIS"];
 
 /// Elements of the second and third dimension of an array that are told apart, at most.
@@ -90,7 +93,7 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
         let mut reader = Reader {
             c: Cursor::new(bytes, b';'),
             scan: Scan::default(),
-            names: Names::in_text(b';'),
+            names: Names::with_declarations().in_text(b';'),
             named: &named,
             routines: &routines,
             elsewhere,
@@ -99,6 +102,8 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
             spline: None,
             on_path: false,
             flow,
+            conditions: Vec::new(),
+            used: HashSet::new(),
             motion_data: HashMap::new(),
             products: HashMap::new(),
         };
@@ -187,6 +192,10 @@ struct Reader<'a> {
     /// Whether the last motion went along a path.
     on_path: bool,
     flow: Flow,
+    /// Tools (`true`) and bases that were set by their numbers so far.
+    used: HashSet<(bool, String)>,
+    /// Of the loops that are open, what stands behind WHILE.
+    conditions: Vec<Option<Cursor<'a>>>,
     /// What FDAT data say, by their names: the target that goes with them, and tool and base.
     motion_data: HashMap<u64, (u64, u32)>,
     /// Products of frames that the program assigns to names, as a tool and as a base.
@@ -208,6 +217,9 @@ impl<'a> Reader<'a> {
                 }
                 before = b"";
                 continue;
+            }
+            if begins_line(self.c.bytes, from) {
+                self.functions_ahead(word);
             }
             if is_one_of(word, &[b"REAL", b"INT"]) {
                 self.number(before.eq_ignore_ascii_case(b"CONST"), word.eq_ignore_ascii_case(b"INT"));
@@ -256,6 +268,44 @@ impl<'a> Reader<'a> {
         }
     }
 
+    /// What functions set that are called in the line that begins with this word: the line does its own after they return. A condition behind
+    /// WHILE is asked again where its loop ends.
+    fn functions_ahead(&mut self, word: &[u8]) {
+        let is = |words: &[&[u8]]| is_one_of(word, words);
+        if is(&[b"LOOP", b"WHILE", b"FOR", b"REPEAT"]) {
+            self.conditions.push(is(&[b"WHILE"]).then_some(self.c));
+        }
+        let ends_loop = is(&[b"ENDLOOP", b"ENDWHILE", b"ENDFOR", b"UNTIL"]);
+        let condition = if ends_loop { self.conditions.pop().flatten() } else { None };
+        if !is(&NO_STATEMENTS) {
+            self.functions_in(self.c);
+        }
+        condition.into_iter().for_each(|condition| self.functions_in(condition));
+    }
+
+    /// The same, of those from a cursor to the end of its line.
+    fn functions_in(&mut self, mut c: Cursor<'a>) {
+        let line = c.until(b";\n\r");
+        let end = c.at + line.len();
+        // behind the bracket of a call that is the whole statement
+        if !line.contains(&b'(') {
+            return;
+        }
+        while c.at < end {
+            match c.peek() {
+                b'"' => c.skip_string(),
+                _ => {
+                    let word = c.word();
+                    if word.is_empty() {
+                        c.at += 1;
+                    } else if let Some(false) = self.flow.perhaps_called(word, &c, &mut self.now) {
+                        self.names.called(hashed(word), false);
+                    }
+                }
+            }
+        }
+    }
+
     /// What `WITH $TOOL=..., $BASE=...` or an inline form at the end of this line sets, for the motion before it; the cursor stays.
     fn with(&mut self) {
         let start = self.c;
@@ -293,6 +343,11 @@ impl<'a> Reader<'a> {
             names.end(Some(Fork::Anywhere));
         } else if is(&[b"RETURN"]) {
             flow.returns(now);
+        } else if is(&[b"EXIT"]) {
+            flow.leaves_loop(false, now);
+        } else if is(&[b"GOTO"]) {
+            c.skip_blank();
+            flow.jumps(hashed(c.word()), now);
         } else if is(&[b"INTERRUPT"]) {
             let routine = before_bracket(c);
             flow.interrupt(routine);
@@ -310,6 +365,7 @@ impl<'a> Reader<'a> {
             names.end(flow.end(now));
         } else if c.peek() == b':' && begins_line(c.bytes, from) {
             // a label
+            flow.label(hashed(word), now);
             names.fork(Fork::Anywhere);
         } else {
             if let Some(is_statement) = flow.perhaps_called(word, c, now) {
@@ -504,6 +560,13 @@ impl<'a> Reader<'a> {
             let visit = self.goes_to(at, &found);
             self.names.visit(visit);
             return true;
+        }
+        if self.c.peek() == b'(' {
+            // frames in brackets are not multiplied
+            self.names.visit(Visit::Unknown);
+            self.scan.goes_to_calculated(at);
+            self.c.skip_line();
+            return false;
         }
         let word = self.c.word();
         if word.is_empty() || word.eq_ignore_ascii_case(b"CA") {

@@ -138,7 +138,9 @@ impl Reader<'_> {
             for (what, name) in [("tool", &setup.tool), ("work object", &setup.frame)] {
                 let Some(name) = name else { continue };
                 let (hash, what) = (hashed(name.as_bytes()), format!("the {what} '{name}'"));
-                let found = match (self.changed_elsewhere.get(&hash), self.names.set_at(hash)) {
+                let argument = self.calls.arguments.get(name).map(|(key, _)| *key);
+                let set_at = self.names.set_at(hash).or_else(|| self.names.set_at(argument?));
+                let found = match (self.changed_elsewhere.get(&hash), set_at) {
                     (Some((at, how)), _) => (*at, format!("{what} {how}")),
                     (None, Some(at)) => (at, changed_here(&what)),
                     (None, None) => continue,
@@ -450,8 +452,12 @@ impl Reader<'_> {
     fn source(&mut self, from: usize, word: &[u8], ends: &[u8]) -> Option<Origin> {
         let at = from as u32;
         self.c.skip_space();
+        let routine = hashed(word);
         match self.c.peek() {
+            // what it returns is no target; what it does is read as any expression
+            b'(' if self.functions.get(&routine) == Some(&false) => None,
             b'(' if self.joints_of_place(word) => Some(Origin::Here),
+            b'(' if !self.functions.contains_key(&routine) && self.routine_elsewhere(word).is_some() => None,
             b'(' => Some(match self.relative(word) {
                 Place::Name { name, way, .. } => {
                     if matches!(way, Way::To) {

@@ -64,7 +64,7 @@ pub fn scan(bytes: &[u8]) -> Scan {
         let mut reader = Reader {
             c: Cursor::new(bytes, b'#'),
             scan: Scan::default(),
-            names: Names::in_text(b'#'),
+            names: Names::default().in_text(b'#'),
             constants: &constants,
             scopes: &scopes,
             moved_to: &moved_to,
@@ -81,13 +81,20 @@ pub fn scan(bytes: &[u8]) -> Scan {
             is_unbalanced: false,
             functions: HashSet::new(),
             given: Vec::new(),
+            literals: Vec::new(),
             computing: Vec::new(),
         };
         reader.file();
         (std::mem::take(&mut reader.flow), reader)
     };
     let reader = Flow::read(pass, |r| &mut r.scan, None);
-    let Reader { mut scan, mut names, functions, given, computing, .. } = reader;
+    let Reader { mut scan, mut names, functions, given, literals, computing, .. } = reader;
+    // what a place that is set otherwise too is relative to
+    for (name, at) in literals {
+        if names.set_anywhere(name).next().is_some() {
+            names.set_from(name, Origin::Computed(at));
+        }
+    }
     for (at, name) in computing.into_iter().filter(|(_, name)| !functions.contains(&hashed(name.as_bytes()))) {
         scan.problem(at, format!("goes where '{name}' says, a function that is not in the script"));
     }
@@ -145,6 +152,8 @@ struct Reader<'a> {
     functions: HashSet<u64>,
     /// Functions that are given places, and where.
     given: Vec<(u64, usize)>,
+    /// Poses to which no motion goes by themselves, and where they are assigned.
+    literals: Vec<(u64, u32)>,
     /// Functions that say how far from a target a place is, and where.
     computing: Vec<(usize, String)>,
 }
@@ -211,6 +220,7 @@ impl<'a> Reader<'a> {
                 self.c.skip_line();
             }
             b"return" => flow.returns(now),
+            b"break" | b"continue" => flow.leaves_loop(word == b"continue", now),
             b"while" => {
                 flow.repeat(from, now);
                 names.fork(Fork::Repeats);
@@ -358,9 +368,10 @@ impl<'a> Reader<'a> {
         self.c.skip_blank();
         let element = self.c;
         let is_element = self.c.peek() == b'[';
-        if is_element {
-            self.c.at += self.c.until(b"]\n").len();
-            self.c.at += usize::from(self.c.peek() == b']');
+        // of an element of a list, a coordinate
+        while self.c.peek() == b'[' {
+            self.c.skip_past(b']', b"\n");
+            self.c.skip_blank();
         }
         if !self.c.eat(b'=') || self.c.peek() == b'=' {
             self.c = start;
@@ -429,6 +440,7 @@ impl<'a> Reader<'a> {
         } else if shape == Shape::RotationVector {
             let numbers = self.numbers(spans).filter(|_| !self.unsteady.contains(&hash));
             self.values.insert(hash, numbers);
+            self.literals.push((hash, name.at));
         }
     }
 

@@ -53,11 +53,17 @@ impl Names {
     /// Resolves uses: setups and the order of visits go into `scan`, and motions to places that are not rewritten into its
     /// problems. `elsewhere` says what is wrong with a name of which the file says nothing.
     pub fn resolve(mut self, scan: &mut Scan, bytes: &[u8], elsewhere: &dyn Fn(&[u8]) -> String) {
+        if let Some(declared) = &self.declared {
+            let set = self.groups.iter().map(|g| g.definition.name);
+            self.elsewhere = set.filter(|name| !declared.contains(name)).collect();
+        }
+        self.set_from_others = self.copies.iter().filter(|(to, from, ..)| to != from).map(|(to, ..)| *to).collect();
         let moving = self.moving();
         let alone = self.alone_in_loops(&moving);
         let (mut definitions, set_at_any_time) = (self.definitions(), self.set_at_any_time());
         let mut open: Vec<bool> = Vec::new();
         for (index, u) in std::mem::take(&mut self.uses).into_iter().enumerate() {
+            self.step = index;
             definitions.pass(index);
             self.apart = open.contains(&true) && !alone.contains(&index);
             match u {
@@ -122,30 +128,24 @@ impl Names {
             Some(met) => met.iter().any(|k| !self.set_here.contains_key(k)),
             None => self.defines(name),
         };
-        if is_motion {
-            self.gone_to.insert(name);
-        }
-        if !has_numbers {
-            scan.visits.extend(is_motion.then_some(Visit::Unknown));
-            match origins {
-                Some(origins) if is_motion && self.defines(name) => {
-                    if origins.is_empty() {
-                        self.missed(name);
-                        scan.problem(at as usize, problem());
-                    }
-                    self.list_computed(&origins, scan);
-                    self.follow_sources(name, &origins, setup, scan, &mut Vec::new());
-                }
-                origins if is_motion => self.goes_to_undefined(name, (setup, way), at, origins, scan, problem),
-                _ => {}
+        if !is_motion {
+            if has_numbers {
+                self.visit_any(name, met, setup, way, at, scan);
             }
             return;
         }
-        let is_given = self.visit_any(name, met, setup, way, at, scan);
-        if !is_motion {
-            return;
+        self.gone_to.insert(name);
+        let is_set_above = self.set_first.get(&name).is_some_and(|above| *above <= self.step);
+        if met.is_none() && self.elsewhere.contains(&name) && !is_set_above {
+            scan.problem(at as usize, problem());
         }
-        if !is_given && origins.as_ref().map_or(!self.origins.contains_key(&name), Vec::is_empty) {
+        if !has_numbers && (origins.is_none() || !self.defines(name)) {
+            scan.visits.push(Visit::Unknown);
+            return self.goes_to_undefined(name, (setup, way), at, origins, scan, problem);
+        }
+        let is_given = self.visit_any(name, met, setup, way, at, scan);
+        let is_nowhere = !is_given && origins.as_ref().map_or(!self.origins.contains_key(&name), Vec::is_empty);
+        if is_nowhere {
             self.missed(name);
             scan.problem(at as usize, problem());
         }
@@ -160,7 +160,8 @@ impl Names {
             }
         }
         scan.relative.extend(self.changed.get_mut(&name).into_iter().flat_map(std::mem::take));
-        scan.relative.extend(matches!(way, Way::Computed).then_some(at));
+        let is_near_another = matches!(way, Way::Near(..)) && self.set_from_others.contains(&name);
+        scan.relative.extend((matches!(way, Way::Computed) || is_near_another).then_some(at));
     }
 
     /// Targets to which no motion goes, which are told.
@@ -186,7 +187,7 @@ impl Names {
         let is_one_of_several = |(k, g): &(u32, &Group)| {
             let name = &g.definition.name;
             let is_earlier = || self.defined.get(name).is_some_and(|newest| newest != k);
-            g.earlier.is_some() || self.moved_on.contains(name) || is_earlier()
+            g.earlier.is_some() || self.moved_on.contains(name) || is_earlier() || self.elsewhere.contains(name)
         };
         let several = (0..).zip(&self.groups).filter(is_one_of_several).map(|(k, g)| (k, g.definition)).collect();
         let forks = self.uses.iter().enumerate().filter_map(|(index, u)| match u {

@@ -21,7 +21,6 @@ impl Names {
         scan: &mut Scan,
         problem: &dyn Fn() -> String,
     ) {
-        let listed = scan.problems.len();
         (self.is_shifted, self.meets_target) = (false, false);
         let found = match (origins, self.followed.get(&(name, setup))) {
             (Some(origins), _) => self.follow(name, &origins, setup, scan, &mut Vec::new()),
@@ -38,8 +37,7 @@ impl Names {
         self.is_shifted |= matches!(way, Way::Near(..) | Way::Computed);
         if found != Some(true) {
             scan.problem(at as usize, problem());
-        } else if self.is_shifted && self.meets_target && scan.problems.len() == listed && !self.listed.contains(&name)
-        {
+        } else if self.is_shifted && self.meets_target {
             scan.relative.push(at);
         }
     }
@@ -48,27 +46,32 @@ impl Names {
     /// listed, or where the arm is; nothing where it only goes in a circle. `seen` are names on the way, and whether they are
     /// settled.
     fn origin(&mut self, name: u64, setup: u32, scan: &mut Scan, seen: &mut Vec<(u64, bool)>) -> Option<bool> {
-        if self.listed.contains(&name) {
-            self.meets_target = true;
-            return Some(true);
-        }
         self.is_shifted |= self.changed.contains_key(&name);
-        if self.defines(name) {
+        let is_listed = self.listed.contains(&name);
+        if is_listed || self.defines(name) {
             self.meets_target = true;
-            let before = scan.visits.len();
-            for group in self.all(name).collect::<Vec<_>>() {
-                self.visit_group(group, setup, Way::Computed, 0, scan);
-                self.by_another_name.push(group);
-            }
-            scan.visits.truncate(before);
+            self.use_numbers(name, setup, scan);
             self.computed(name, scan);
             if seen.len() > MOST_NAMES {
-                return Some(false);
+                return Some(is_listed);
             }
             self.sources(name, setup, scan, seen);
             return Some(true);
         }
         self.follow(name, &self.origins_met(name, None), setup, scan, seen)
+    }
+
+    /// The arm goes by another name to wherever numbers of the file put this one.
+    fn use_numbers(&mut self, name: u64, setup: u32, scan: &mut Scan) {
+        if !self.used_on.insert((name, setup)) {
+            return;
+        }
+        let before = scan.visits.len();
+        for group in self.all(name).collect::<Vec<_>>() {
+            self.visit_group(group, setup, Way::Computed, 0, scan);
+            self.by_another_name.push(group);
+        }
+        scan.visits.truncate(before);
     }
 
     /// The same, from these on.
@@ -98,8 +101,14 @@ impl Names {
                 continue;
             };
             self.is_shifted |= !self.copied_at.contains(at);
-            let found = match seen.iter().find(|(n, _)| n == other) {
-                Some((_, settled)) => settled.then_some(true),
+            let found = match seen.iter().position(|(n, _)| n == other) {
+                // the numbers that the motion's own name had before come back to it
+                Some(0) if self.defines(*other) => {
+                    self.use_numbers(*other, setup, scan);
+                    self.meets_target = true;
+                    Some(true)
+                }
+                Some(k) => seen.get(k).and_then(|(_, settled)| settled.then_some(true)),
                 None => self.origin(*other, setup, scan, seen),
             };
             if found == Some(false) {
@@ -135,6 +144,10 @@ impl Names {
             let Origin::Name { name: other, at } = *origin else { continue };
             let around = (self.is_shifted, self.meets_target);
             (self.is_shifted, self.meets_target) = (!self.copied_at.contains(&at), other == name);
+            if other == name {
+                // perhaps from another element of an array
+                self.use_numbers(name, setup, scan);
+            }
             let is_known = other == name || self.origin(other, setup, scan, seen) == Some(true);
             let is_relative = self.is_shifted && self.meets_target;
             (self.is_shifted, self.meets_target) = around;

@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 
-use super::targets::skip_index;
-use super::{ARM_BASE, CURRENT, ELEMENTS, HERE, Reader, THE_ARM_BASE, before_bracket};
+use super::targets::{declarations, skip_index};
+use super::{ARM_BASE, CURRENT, ELEMENTS, HERE, Reader, THE_ARM_BASE, TYPES, before_bracket};
 use crate::names::Origin;
 use crate::scan::{changed_here, hashed};
 use crate::scopes::Scopes;
@@ -28,7 +28,8 @@ pub(super) fn routines<'a>(bytes: &'a [u8]) -> Routines {
         let mut c = Cursor::new(line, b';');
         c.skip_blank();
         let mut word = c.word();
-        if word.eq_ignore_ascii_case(b"GLOBAL") {
+        let is_global = word.eq_ignore_ascii_case(b"GLOBAL");
+        if is_global {
             c.skip_blank();
             word = c.word();
         }
@@ -49,6 +50,18 @@ pub(super) fn routines<'a>(bytes: &'a [u8]) -> Routines {
             scopes.close(at);
             open = None;
         } else if let Some((routine, names)) = &open {
+            // the routine's own places, unless they are its arguments
+            if word.eq_ignore_ascii_case(b"DECL") {
+                c.skip_blank();
+                word = c.word();
+            }
+            if !is_global && is_one_of(word, &TYPES) && !word.eq_ignore_ascii_case(b"FRAME") {
+                for name in declarations(&mut c) {
+                    if !scopes.parameters(*routine).iter().any(|p| p.name == name) {
+                        scopes.local(*routine, name, at);
+                    }
+                }
+            }
             // `P.X=...`; what is given on may be changed there
             let gives = line.contains(&b'(') || mentions(line, b"DO");
             let may_change = |name: &[u8]| mentions(line, name) && (gives || word.eq_ignore_ascii_case(name));

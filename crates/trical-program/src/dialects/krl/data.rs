@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 use trical_model::Pose;
 use trical_model::pose::rotation_zyx;
 
+use super::targets::declarations;
 use super::{AXES, POSE, Reader};
 use crate::branch::Configuration;
 use crate::frames::Frame;
@@ -11,7 +12,7 @@ use crate::literal::Shape;
 use crate::names::Origin;
 use crate::packed::External;
 use crate::reaching::Part;
-use crate::text::{Span, is_one_of, lower};
+use crate::text::{Cursor, Span, is_one_of, lower};
 
 const EXTERNAL: [&[u8]; 6] = [b"E1", b"E2", b"E3", b"E4", b"E5", b"E6"];
 /// Status and turn of a pose, tool and base of motion data.
@@ -50,6 +51,9 @@ impl<'a> Reader<'a> {
         let from = self.c.at;
         let name = self.c.word();
         let name_span = Span::new(from, from + name.len());
+        for name in declarations(&mut Cursor::at(self.c.bytes, from, b';')) {
+            self.names.declare(self.routines.scopes.key(name, from));
+        }
         if !self.c.eat_in_line(b'=') || self.c.peek() != b'{' {
             return;
         }

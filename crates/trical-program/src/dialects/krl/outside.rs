@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use super::{Reader, TYPES, is_system};
+use super::{ELEMENTS, Reader, TYPES, is_system};
 use crate::names::{Origin, Way};
 use crate::scan::{Fork, changed_here, hashed};
 use crate::text::{Cursor, is_one_of, mentions};
@@ -67,7 +67,8 @@ pub fn sets(bytes: &[u8]) -> Vec<u64> {
         c.skip_blank();
         let name = c.word();
         c.at += c.until(b"=(").iter().take_while(|b| b.is_ascii_alphanumeric() || b"_.[] ,".contains(b)).count();
-        (!name.is_empty() && !is_system(name) && c.assigns()).then(|| hashed(name))
+        let is_own = is_system(name) && !is_one_of(name, &ELEMENTS);
+        (!name.is_empty() && !is_own && c.assigns()).then(|| hashed(name))
     });
     let mut set: Vec<u64> = set.filter(|name| !own.contains(name)).collect();
     set.sort_unstable();
@@ -120,6 +121,9 @@ pub(super) fn note(bytes: &[u8], reader: &mut Reader<'_>) {
         if routine.displaces {
             let what = "calls a routine that lets a sensor displace the motions that follow (RSI); they are corrected for where the text has them";
             reader.scan.problems.push((*at, what.into()));
+        }
+        if ELEMENTS.iter().any(|name| routine.sets.contains(&hashed(name))) {
+            reader.scan.problems.push((*at, changed_here("a tool or base")));
         }
         for name in routine.sets.iter().filter(|name| globals.binary_search(name).is_ok()) {
             reader.names.set_from(*name, Origin::Computed(*at as u32));

@@ -5,12 +5,10 @@ use trical_model::Pose;
 
 use super::data::Aggregate;
 use super::{Reader, target_of};
-use crate::frames::{AT, Frame, Named, TIMES, declare, named};
+use crate::frames::{AT, Frame, Named, STANDING, TIMES, declare, named};
 use crate::scan::{Setup, changed_here, hashed};
 use crate::text::{Cursor, is_one_of, lower, mentions};
 
-/// How the name begins of a tool that stands still.
-const FIXED: &str = "#tcp : ";
 /// How the name ends of a tool or base of which the program sets the number and nothing else.
 const ONLY_NUMBER: &str = " (its number only)";
 /// The base, where nothing in the program says which.
@@ -97,7 +95,7 @@ impl Reader<'_> {
     /// or none, nobody knows what is meant until `$TOOL` is set; one that has no number is what the program says.
     pub(super) fn only_number(&mut self, is_tool: bool) {
         let number = lower(self.c.until(b";\n\r").trim_ascii());
-        let active = self.now.slot(is_tool).as_deref().map(|name| name.trim_start_matches(FIXED));
+        let active = self.now.slot(is_tool).as_deref().map(|name| name.trim_start_matches(STANDING));
         let has_number = active.is_none_or(|name| is_number(name.trim_end_matches(ONLY_NUMBER)));
         if !has_number || active == Some(number.as_str()) || number == "-1" {
             return;
@@ -116,7 +114,7 @@ impl Reader<'_> {
     fn number_set(&mut self, is_tool: bool, index: &str) -> Option<String> {
         let name = if is_tool { "$act_tool" } else { "$act_base" };
         let active = self.now.slot(is_tool).as_deref().filter(|_| index == name)?;
-        active.trim_start_matches(FIXED).strip_suffix(ONLY_NUMBER).map(str::to_owned)
+        active.trim_start_matches(STANDING).strip_suffix(ONLY_NUMBER).map(str::to_owned)
     }
 
     /// The tool or base that is set here, which a product begins with (`$BASE=$BASE:{X 100,...}`).
@@ -209,13 +207,13 @@ impl Reader<'_> {
     fn fixed(&mut self, tool: Option<&str>) -> String {
         let what = "the tool stands still and the robot carries the work (#TCP), which is not supported";
         self.scan.frames.tools.insert("#tcp".into(), Err(what.into()));
-        format!("{FIXED}{}", tool.unwrap_or_default())
+        format!("{STANDING}{}", tool.unwrap_or_default())
     }
 
     /// `#TCP` or `#BASE`, behind `$IPO_MODE=`; what motion data say of it goes with their tool.
     pub(super) fn interpolation(&mut self) {
         let mode = if self.c.eat(b'#') { self.c.word() } else { b"" };
-        let moves_tool = self.now.tool.as_ref().map(|tool| tool.trim_start_matches(FIXED).to_owned());
+        let moves_tool = self.now.tool.as_ref().map(|tool| tool.trim_start_matches(STANDING).to_owned());
         if mode.eq_ignore_ascii_case(b"TCP") {
             self.now.tool = Some(self.fixed(moves_tool.as_deref()));
         } else if mode.eq_ignore_ascii_case(b"BASE") {
@@ -225,9 +223,12 @@ impl Reader<'_> {
 
     /// Sets the tool or the base; a tool that stands still goes on to do so.
     pub(super) fn set(&mut self, is_tool: bool, name: String) {
+        if is_number(&name) {
+            self.used.insert((is_tool, name.clone()));
+        }
         let slot = self.now.slot(is_tool);
-        let is_fixed = is_tool && slot.as_ref().is_some_and(|tool| tool.starts_with(FIXED));
-        *slot = Some(if is_fixed { format!("{FIXED}{}", name.trim_start_matches(FIXED)) } else { name });
+        let is_fixed = is_tool && slot.as_ref().is_some_and(|tool| tool.starts_with(STANDING));
+        *slot = Some(if is_fixed { format!("{STANDING}{}", name.trim_start_matches(STANDING)) } else { name });
     }
 
     /// Past frames with the geometric operator behind them: the place that follows is meant in them. The base before is
@@ -401,6 +402,9 @@ impl Reader<'_> {
         } else {
             frame
         };
+        if !self.flow.is_certain() || self.used.contains(&(is_tool, number.clone())) {
+            self.scan.set_late.insert((is_tool, number.clone()));
+        }
         declare(self.scan.frames.of_mut(is_tool), number, frame, SEVERAL);
     }
 
@@ -414,12 +418,17 @@ impl Reader<'_> {
 
     /// `FDAT_ACT=FP1`: tool and base are those of the data, where these are known and as they were given.
     pub(super) fn take_motion_data(&mut self, name: &[u8], at: usize) {
-        let is_whole = !matches!(self.c.peek(), b'[' | b'.' | b'(') && self.key(name, at) == hashed(name);
+        let is_whole = !matches!(self.c.peek(), b'[' | b'.' | b'(')
+            && self.key(name, at) == hashed(name)
+            && !self.named.changed_data.contains(&hashed(name));
         let known = self.known_motion_data(name).filter(|_| is_whole).cloned();
         self.now = known.unwrap_or_else(|| {
             let unknown = self.calculated(format!("fdat_act={}", lower(name)));
             Setup { tool: Some(unknown.clone()), frame: Some(unknown) }
         });
+        let Setup { tool, frame } = self.now.clone();
+        self.used
+            .extend([(true, tool), (false, frame)].into_iter().filter_map(|(is_tool, name)| Some((is_tool, name?))));
     }
 
     /// `FDAT_ACT.TOOL_NO=2`, behind the part; of other data, that they are no longer as they were given.

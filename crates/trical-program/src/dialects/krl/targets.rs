@@ -5,7 +5,7 @@ use std::collections::{BTreeSet, HashMap, HashSet};
 use super::{CURRENT, ELEMENTS, MOTIONS, TYPES, is_system};
 use crate::scan::{hashed, reached};
 use crate::scopes::Scopes;
-use crate::text::{Cursor, is_one_of};
+use crate::text::{Cursor, begins_line, is_one_of};
 
 /// What names of a program stand for.
 #[derive(Default)]
@@ -14,13 +14,15 @@ pub(super) struct Named {
     pub moved_to: HashSet<u64>,
     /// Tools and bases are set from these, or they stand before the place in `LIN PALLET:XP1`.
     pub frames: HashSet<u64>,
+    /// Motion data of which the program changes tool or base.
+    pub changed_data: HashSet<u64>,
     /// No targets, unless a motion is found that goes there.
     pub no_targets: HashSet<u64>,
 }
 
 /// What the names of a program stand for.
 pub(super) fn targets(bytes: &[u8], scopes: &Scopes) -> Named {
-    let Named { mut moved_to, mut frames, mut no_targets } = Named::default();
+    let Named { mut moved_to, mut frames, mut no_targets, .. } = Named::default();
     let (mut declared, mut products) = (HashSet::new(), BTreeSet::new());
     let mut given: HashMap<u64, Vec<u64>> = HashMap::new();
     let mut c = Cursor::new(bytes, b';');
@@ -51,6 +53,17 @@ pub(super) fn targets(bytes: &[u8], scopes: &Scopes) -> Named {
                 let name = behind.word();
                 given.entry(parameter.key).or_default().push(scopes.key(hashed(name), behind.at));
                 more = next_argument(&mut behind);
+            }
+        }
+        let mut source = c;
+        skip_index(&mut source);
+        if source.eat_in_line(b'=') && source.peek() != b'=' {
+            let to = scopes.key(hashed(word), c.at);
+            if let [from] = operands(&mut source).as_slice()
+                && !from.is_empty()
+                && !is_system(from)
+            {
+                given.entry(to).or_default().push(scopes.key(hashed(from), source.at));
             }
         }
         let mut more = is_one_of(word, &MOTIONS);
@@ -85,7 +98,30 @@ pub(super) fn targets(bytes: &[u8], scopes: &Scopes) -> Named {
     let frames = reached(frames, |parameter| given.get(&parameter).into_iter().flatten().copied());
     no_targets.extend(&frames);
     no_targets.extend(read_in_part(bytes, scopes));
-    Named { moved_to, frames, no_targets }
+    Named { moved_to, frames, no_targets, changed_data: changed_data(bytes) }
+}
+
+/// Motion data of which the program changes tool or base (`FP1.TOOL_NO=2`) and may have used them as changed above: in a loop, or in another
+/// routine than the file's first.
+fn changed_data(bytes: &[u8]) -> HashSet<u64> {
+    let mut found = HashSet::new();
+    let (mut loops, mut routines) = (0_usize, 0);
+    let mut c = Cursor::new(bytes, b';');
+    while let Some((from, word)) = c.next_word() {
+        if begins_line(bytes, from) {
+            loops += usize::from(is_one_of(word, &[b"LOOP", b"WHILE", b"FOR", b"REPEAT"]));
+            let ends = is_one_of(word, &[b"ENDLOOP", b"ENDWHILE", b"ENDFOR", b"UNTIL"]);
+            loops = loops.saturating_sub(usize::from(ends));
+            routines += usize::from(is_one_of(word, &[b"DEF", b"DEFFCT"]));
+        }
+        if c.peek() == b'.' && (loops > 0 || routines > 1) && !word.eq_ignore_ascii_case(b"FDAT_ACT") {
+            c.at += 1;
+            let is_setup = is_one_of(c.word(), &[b"TOOL_NO", b"BASE_NO", b"IPO_FRAME"]);
+            c.skip_blank();
+            found.extend((is_setup && c.assigns()).then(|| hashed(word)));
+        }
+    }
+    found
 }
 
 /// Names of which the program reads coordinates (`UP.Z`), and nowhere all: limits, distances. Not those to which other programs may
@@ -169,7 +205,7 @@ fn operands<'a>(c: &mut Cursor<'a>) -> Vec<&'a [u8]> {
 }
 
 /// `A,B[4]`, behind `DECL FRAME`.
-fn declarations(c: &mut Cursor<'_>) -> Vec<u64> {
+pub(super) fn declarations(c: &mut Cursor<'_>) -> Vec<u64> {
     let mut found = Vec::new();
     loop {
         c.skip_blank();

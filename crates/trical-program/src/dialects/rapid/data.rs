@@ -30,6 +30,7 @@ impl Reader<'_> {
         let text = name.text(self.c.bytes);
         self.own(text);
         let hash = self.key(text);
+        self.names.declare(hash);
         if self.within.is_empty() {
             match &mut self.exports {
                 Some(exports) => drop(exports.own.insert(hash)),

@@ -106,7 +106,7 @@ impl<'a> Reader<'a> {
         let (routines, functions) = routines(bytes);
         Self {
             c: Cursor::new(bytes, b'!'),
-            names: Names::in_text(b'!'),
+            names: Names::with_declarations().in_text(b'!'),
             constants: Constants::with_degrees(),
             routines,
             functions,

@@ -212,8 +212,11 @@ impl Reader<'_> {
         self.sets_given(from, word);
         let is_statement = begins_statement(self.c.bytes, from);
         let arguments = self.arguments_follow();
+        let mut behind = self.c;
+        behind.skip_space();
+        let is_function = behind.peek() == b'(' && self.routine_elsewhere(word).is_some();
         let is_behind_condition = || looks_like_motion(word) && arguments && self.c.clone().peek() != b'(';
-        if is_instruction(word) || !(is_statement || is_behind_condition()) {
+        if is_instruction(word) || !(is_statement || is_function || is_behind_condition()) {
             return;
         }
         self.note(|routine| routine.call(word));

@@ -266,7 +266,7 @@ pub(super) fn unsteady(bytes: &[u8], scopes: &Scopes, in_frames: &mut HashMap<u6
             _ => {
                 c.skip_blank();
                 let mut behind = c;
-                if behind.peek() == b'[' {
+                while behind.peek() == b'[' {
                     behind.skip_past(b']', b"\n");
                     behind.skip_blank();
                 }

@@ -31,7 +31,7 @@ pub(super) const FANUC: &[Case] = &[
         "lines without numbers",
         "/PROG A\n/MN\n  :  !remark ;\n  :J P[1] 100% FINE ;\n:SR[1]=5 ;\n  :L PR[2:cache] R[4]mm/sec CR5 ACC R[6] Skip,LBL[1] ;\nL PR[3] 100mm/sec FINE ;\n  PR[3,1:x]=5 ;\n  PR[3]=P[1] ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
         &[14],
-        &[(6, "register"), (8, "calculated")],
+        &[(6, "register"), (7, "register"), (8, "calculated")],
     ),
     case(
         "a register whose number a register gives, a position that is set, an output that a motion sets",

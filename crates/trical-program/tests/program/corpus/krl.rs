@@ -30,9 +30,9 @@ pub(super) const KRL: &[Case] = &[
     ),
     case(
         "a point that the routine of an interrupt sets",
-        "DEF A()\nDECL E6POS XP1={@0}\nDECL E6POS T\nINTERRUPT DECL 5 WHEN $IN[1]==TRUE DO FOUND()\nT=XP1\nLIN T\nEND\nDEF FOUND()\nT=SEEN()\nEND\n",
+        "DEFDAT A\nDECL E6POS XP1={@0}\nDECL E6POS T\nENDDAT\nDEF A()\nINTERRUPT DECL 5 WHEN $IN[1]==TRUE DO FOUND()\nT=XP1\nLIN T\nEND\nDEF FOUND()\nT=SEEN()\nEND\n",
         &[2],
-        &[(9, "calculated")],
+        &[(11, "calculated")],
     ),
     case(
         "the home of all programs",

@@ -14,6 +14,8 @@ use nalgebra::Vector3;
 use sha2::{Digest, Sha256};
 use thiserror::Error;
 use trical_model::ik::continue_from;
+use trical_model::pose::angles_zyx;
+use trical_model::robot::tidy;
 use trical_model::{Cell, Forward, Joints, Model, ModelError, Robot, State, urdf};
 
 pub use run_status::RunStatus;
@@ -149,6 +151,21 @@ pub fn tell_arm(controller: &mut dyn Controller, robot: &Robot, cell: &Cell) -> 
     Ok(())
 }
 
+/// Refuses a device that is turned on the flange: controllers displace the tool in the flange's axes, by what is read in the device's.
+///
+/// # Errors
+/// One sentence: what was found, what is expected.
+pub fn check_tool(cell: &Cell) -> Result<(), String> {
+    let zyx = angles_zyx(&cell.tool.rotation).map(|angle| tidy(angle.to_degrees()));
+    if zyx.iter().all(|angle| angle.abs() < 1e-6) {
+        return Ok(());
+    }
+    Err(format!(
+        "[tool] zyx_deg: found {zyx:?}, expected 0 or nothing: a touch is corrected in the axes of the flange, to which those of the indicators \
+         have to be parallel"
+    ))
+}
+
 impl Session<'_> {
     /// What the recording says of the session.
     #[must_use]
@@ -175,6 +192,7 @@ impl Session<'_> {
     /// See [`SessionError`].
     pub fn perform(&self, watch: &mut dyn FnMut(Progress)) -> Result<RunReport, SessionError> {
         self.settings.check().map_err(SessionError::Settings)?;
+        check_tool(self.cell).map_err(|e| SessionError::Settings(format!("the cell's {e}")))?;
         let mut options = self.options();
         options.stride = self.stride;
         options.guard = Some(self.guard);
@@ -337,6 +355,20 @@ impl Session<'_> {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+
+    #[test]
+    fn a_device_that_is_turned_on_the_flange_is_refused() {
+        let cell = |tool: &str| {
+            let text =
+                format!("[base]\nxyz_mm = [0, 0, 0]\nzyx_deg = [90, 0, 0]\n[tool]\ntcp_mm = [0, 0, 100]\n{tool}");
+            Cell::parse(&text, "cell.toml").unwrap()
+        };
+        assert!(
+            ["", "zyx_deg = [0, 0, 0]", "zyx_deg = [360, 0, 0]"].iter().all(|tool| check_tool(&cell(tool)).is_ok())
+        );
+        let error = check_tool(&cell("zyx_deg = [0, 0, 30]")).unwrap_err();
+        assert!(error.starts_with("[tool] zyx_deg: found [0.0, 0.0, 30.0], expected 0 or nothing"), "{error}");
+    }
 
     #[test]
     fn a_recording_that_is_not_there_and_another_mastering_are_told_when_a_recording_is_taken_up() {

@@ -382,7 +382,11 @@ fn files_beside_a_recording_are_left_alone_and_none_is_added() {
     RecordingWriter::resume(&path, &header()).unwrap().0.finish().unwrap();
     assert_eq!(std::fs::read_to_string(&other).unwrap(), "of somebody else");
     assert_eq!(std::fs::read_to_string(&precious).unwrap(), "mine");
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3);
+    // nor is anything left of one that cannot be put there
+    std::fs::create_dir(folder.path().join("folder.mcap")).unwrap();
+    let none = Recording { joints: 6, ..Recording::default() };
+    assert!(write_recording(&folder.path().join("folder.mcap"), &none, &header()).is_err());
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4);
 }
 
 #[test]

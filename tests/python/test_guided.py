@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import pty
 import shutil
 import subprocess
 import time
@@ -112,6 +114,37 @@ def test_touches_of_another_mastering_do_not_count_and_their_times_include_the_p
     assert session.kept()["touches_after_s"] != 0
     before, after = session.times()
     assert after - before > begins - ended
+
+
+def test_keys_pressed_before_a_question_do_not_answer_it_at_a_terminal(session: Session) -> None:
+    ours, theirs = pty.openpty()
+    files = ["--robot", "robot.toml", "--cell", "cell.toml", "--out", "led.mcap"]
+    args = [str(program()), "measure", "--guided", "--go", *files, *session.links]
+    told = b""
+
+    def until(question: bytes, count: int) -> None:
+        nonlocal told
+        end = time.monotonic() + 20
+        while told.count(question) < count:
+            assert time.monotonic() < end and led.poll() is None, told.decode()
+            told += os.read(ours, 4096)
+
+    with subprocess.Popen(args, cwd=session.folder, stdin=theirs, stdout=theirs, stderr=theirs) as led:
+        try:
+            for question, typed in (b"> Hold", b"s\n"), (b"> Ball 1, orientation", b"s\n"):
+                until(question, 1)
+                os.write(ours, typed)
+            until(b"> Ball 1.", 1)
+            # while the arm goes there, somebody leans on the keyboard
+            os.write(ours, f"{NEAR[0]}\ns\ns\nsss".encode())
+            until(b"> Ball 1.", 2)
+            os.write(ours, b"q\n")
+            until(b"ended by the user", 1)
+        finally:
+            led.terminate()
+    assert b"> Ball 2" not in told, told.decode()
+    os.close(ours)
+    os.close(theirs)
 
 
 def test_a_byte_that_is_no_text_is_not_understood_and_a_controller_that_was_away_is_opened_anew(tmp_path: Path) -> None:

@@ -71,6 +71,15 @@ pub enum FeedError {
     },
 }
 
+/// Columns of a CSV.
+#[derive(Debug)]
+struct Columns {
+    /// How many there are.
+    count: usize,
+    /// Where each joint stands, and its factor to SI.
+    joints: Vec<(usize, f64)>,
+}
+
 /// A file to which somebody adds joints.
 #[derive(Debug)]
 pub struct JointFeed {
@@ -78,8 +87,8 @@ pub struct JointFeed {
     kinds: Vec<JointKind>,
     /// What the arm's description calls them.
     names: Vec<String>,
-    /// Columns of a CSV: where each joint stands and its factor to SI; nothing where it is a topic.
-    columns: Option<Vec<(usize, f64)>>,
+    /// Of a CSV; nothing where it is a topic.
+    columns: Option<Columns>,
     /// The names of a message's joints, once one was seen, and where each joint of the arm stands among them.
     order: Option<(Vec<String>, Vec<usize>)>,
     /// Why the last message that was not of the arm's joints is none.
@@ -109,7 +118,7 @@ impl JointFeed {
         File::open(path).and_then(|f| f.take(4096).read_to_end(&mut head)).map_err(io)?;
         let head = String::from_utf8_lossy(&head);
         let Some((first, _)) = head.split_once('\n') else { return Ok(()) };
-        let first = first.trim().to_lowercase();
+        let first = first.trim_start_matches('\u{feff}').trim().to_lowercase();
         if first.contains("q1_") {
             let names: Vec<&str> = first.split(',').map(str::trim).collect();
             let column = |k: usize| {
@@ -135,13 +144,14 @@ impl JointFeed {
                 JointKind::Revolute => format!("q{}_deg (or _rad)", k + 1),
                 JointKind::Prismatic => format!("q{}_mm (or _m)", k + 1),
             };
-            self.columns = Some(all.ok_or_else(|| FeedError::Wrong {
+            let joints = all.ok_or_else(|| FeedError::Wrong {
                 path: path.to_owned(),
                 problem: format!(
                     "header: found {first:?}, expected {}, one for each joint of the robot",
                     self.kinds.iter().enumerate().map(expected).collect::<Vec<_>>().join(", ")
                 ),
-            })?);
+            })?;
+            self.columns = Some(Columns { count: names.len(), joints });
         }
         Ok(())
     }
@@ -218,7 +228,13 @@ impl JointFeed {
                 let value = |(at, factor): &(usize, f64)| {
                     cells.get(*at).and_then(|c| c.parse::<f64>().ok()).filter(|v| v.is_finite()).map(|v| v * factor)
                 };
-                let all: Option<Vec<f64>> = columns.iter().map(value).collect();
+                // a decimal comma makes two cells of a number, and shifts those behind it
+                if cells.len() != columns.count {
+                    let (found, expected) = (cells.len(), columns.count);
+                    let problem = format!("found {line:?} with {found} cells, expected {expected} as in the header");
+                    return Err(wrong(&self.path, problem));
+                }
+                let all: Option<Vec<f64>> = columns.joints.iter().map(value).collect();
                 all.ok_or_else(|| wrong(&self.path, format!("found {line:?}, expected a number for every joint")))
             };
             return whole.iter().filter(|l| !l.trim().is_empty()).map(sample).collect();
@@ -271,4 +287,27 @@ fn list(message: &str, key: &str) -> Vec<String> {
         return inside.split(',').map(tidy).filter(|i| !i.is_empty()).collect();
     }
     lines.map_while(|l| l.trim_start().strip_prefix("- ").map(tidy)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn lines_of_a_csv_have_as_many_cells_as_its_header() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("joints.csv");
+        // as spreadsheets begin a file
+        let header = "\u{feff}q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\r\n";
+        std::fs::write(&path, header).unwrap();
+        let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
+        let mut feed = JointFeed::open(&path, &robot).unwrap();
+        let samples = feed.samples(&format!("{header}180,2,3,4,5,6\r\n")).unwrap();
+        assert!(samples.len() == 1 && (samples[0][0] - std::f64::consts::PI).abs() < 1e-12, "{samples:?}");
+        for line in ["1,5,2,0,3,0,4,0,5,0,6,0", "1,2,3,4,5"] {
+            let error = feed.samples(&format!("{header}{line}\n")).unwrap_err().to_string();
+            assert!(error.contains(" cells, expected 6 as in the header"), "{error}");
+        }
+    }
 }

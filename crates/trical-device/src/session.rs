@@ -14,6 +14,8 @@ use nalgebra::Vector3;
 use sha2::{Digest, Sha256};
 use thiserror::Error;
 use trical_model::ik::continue_from;
+use trical_model::pose::angles_zyx;
+use trical_model::robot::tidy;
 use trical_model::{Cell, Forward, Joints, Model, ModelError, Robot, State, urdf};
 
 pub use run_status::RunStatus;
@@ -24,8 +26,8 @@ use crate::controller::{Controller, ControllerError, StopCount, open_controller}
 use crate::gauge::{GaugeError, open_gauge};
 use crate::procedure::{MoveGuard, PlanEntry, ProcedureError, ProcedureOptions, Progress, RunReport, dry_run, run};
 use crate::url::without_secrets;
-use trical_recording::RecordError;
 use trical_recording::mcap::{Attachment, Header, RecordingWriter, check_not_written, check_same};
+use trical_recording::{ReadRecording, RecordError};
 
 /// What a measuring run needs.
 pub struct Session<'a> {
@@ -149,6 +151,21 @@ pub fn tell_arm(controller: &mut dyn Controller, robot: &Robot, cell: &Cell) -> 
     Ok(())
 }
 
+/// Refuses a device that is turned on the flange: controllers displace the tool in the flange's axes, by what is read in the device's.
+///
+/// # Errors
+/// One sentence: what was found, what is expected.
+pub fn check_tool(cell: &Cell) -> Result<(), String> {
+    let zyx = angles_zyx(&cell.tool.rotation).map(|angle| tidy(angle.to_degrees()));
+    if zyx.iter().all(|angle| angle.abs() < 1e-6) {
+        return Ok(());
+    }
+    Err(format!(
+        "[tool] zyx_deg: found {zyx:?}, expected 0 or nothing: a touch is corrected in the axes of the flange, to which those of the indicators \
+         have to be parallel"
+    ))
+}
+
 impl Session<'_> {
     /// What the recording says of the session.
     #[must_use]
@@ -175,6 +192,7 @@ impl Session<'_> {
     /// See [`SessionError`].
     pub fn perform(&self, watch: &mut dyn FnMut(Progress)) -> Result<RunReport, SessionError> {
         self.settings.check().map_err(SessionError::Settings)?;
+        check_tool(self.cell).map_err(|e| SessionError::Settings(format!("the cell's {e}")))?;
         let mut options = self.options();
         options.stride = self.stride;
         options.guard = Some(self.guard);
@@ -234,7 +252,10 @@ impl Session<'_> {
             return RecordingWriter::create(self.out, &self.header());
         }
         let (log, before) = RecordingWriter::resume(self.out, &self.header())?;
-        let Some(before) = before else { return Ok(log) };
+        let Some(before) = before else {
+            watch(Progress::Warning(self.nothing_to_go_on_with()));
+            return Ok(log);
+        };
         if let Some(lost) = &before.lost {
             watch(Progress::Warning(lost.clone()));
         }
@@ -248,8 +269,35 @@ impl Session<'_> {
                 options.known.entry(seq % stride).or_insert(row.state.q);
             }
         }
+        if let Some(other) = self.other_mastering(&before) {
+            watch(Progress::Warning(other));
+        }
         options.begin_t = self.goes_on_at(&log, watch);
         Ok(log)
+    }
+
+    /// A name that was mistyped begins a recording of its own.
+    fn nothing_to_go_on_with(&self) -> String {
+        format!(
+            "{}: is not there, so there is nothing to go on with; this is the first run of a new recording",
+            self.out.display()
+        )
+    }
+
+    /// Where the gauge was mastered otherwise when the recording was last written: the free stems show it only where it is much.
+    fn other_mastering(&self, before: &ReadRecording) -> Option<String> {
+        let runs = before.metadata.keys().filter(|name| name.starts_with("trical.resumed.")).count();
+        let last = if runs == 0 { "trical".to_owned() } else { format!("trical.resumed.{runs}") };
+        let gauge = before.metadata.get(&last)?.get("gauge")?;
+        let zero = |url: &str| url.split(['?', '&']).find(|part| part.starts_with("zero_mm=")).map(str::to_owned);
+        let [found, expected] = [self.gauge, gauge].map(|url| zero(url).unwrap_or_else(|| "no zero_mm".to_owned()));
+        (found != expected).then(|| {
+            format!(
+                "the gauge has {found}, and had {expected} when {} was last written: expected the same, unless an indicator has \
+                 slipped or was set to zero since; otherwise the touches from here on are about another tool point",
+                self.out.display()
+            )
+        })
     }
 
     /// Time at which a recording goes on, s: warm-up and creep go on while nobody measures.
@@ -281,6 +329,9 @@ impl Session<'_> {
             report.warnings.extend(before.lost.clone());
             options.skip = before.done();
             report.skipped = self.plan.iter().filter(|entry| options.skip.contains(&entry.index)).count();
+            report.warnings.extend(self.other_mastering(&before));
+        } else if self.resume {
+            report.warnings.push(self.nothing_to_go_on_with());
         }
         // a URL that nobody could use is an error now; a device that is not there yet is not
         match open_gauge(self.gauge) {
@@ -297,5 +348,68 @@ impl Session<'_> {
         report.warnings.extend(self.settings.too_tight());
         report.steps = dry_run(self.plan, options, self.robot.dof());
         Ok(report)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn a_device_that_is_turned_on_the_flange_is_refused() {
+        let cell = |tool: &str| {
+            let text =
+                format!("[base]\nxyz_mm = [0, 0, 0]\nzyx_deg = [90, 0, 0]\n[tool]\ntcp_mm = [0, 0, 100]\n{tool}");
+            Cell::parse(&text, "cell.toml").unwrap()
+        };
+        assert!(
+            ["", "zyx_deg = [0, 0, 0]", "zyx_deg = [360, 0, 0]"].iter().all(|tool| check_tool(&cell(tool)).is_ok())
+        );
+        let error = check_tool(&cell("zyx_deg = [0, 0, 30]")).unwrap_err();
+        assert!(error.starts_with("[tool] zyx_deg: found [0.0, 0.0, 30.0], expected 0 or nothing"), "{error}");
+    }
+
+    #[test]
+    fn a_recording_that_is_not_there_and_another_mastering_are_told_when_a_recording_is_taken_up() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("run.mcap");
+        let robot = Robot::parse(include_str!("../../../cells/irb120/robot.toml"), "robot.toml").unwrap();
+        let (cell, settings, cancel) = (Cell::bare(), Settings::default(), AtomicBool::new(false));
+        let told = |gauge: &str| {
+            let session = Session {
+                robot: &robot,
+                cell: &cell,
+                plan: &[],
+                stride: None,
+                gauge,
+                controller: "rapid://arm",
+                out: &out,
+                resume: true,
+                go: true,
+                settings: &settings,
+                start_ns: now_ns(),
+                guard: &|_, _, _| Ok(()),
+                cancel: &cancel,
+                stops: None,
+            };
+            let mut told = Vec::new();
+            let log = session.open(&mut session.options(), &mut |p| {
+                if let Progress::Warning(w) = p {
+                    told.push(w);
+                }
+            });
+            log.unwrap().finish().unwrap();
+            told.join("; ")
+        };
+        let first = told("uwave:///dev/a?x=03&zero_mm=0,0,0.1");
+        assert!(first.contains("run.mcap: is not there") && !first.contains("zero_mm"), "{first}");
+        // another port, and other options
+        assert_eq!(told("uwave:///dev/b?zero_mm=0,0,0.1&timeout_ms=9"), "");
+        let other = told("uwave:///dev/b?zero_mm=0,0,0.2");
+        assert!(other.starts_with("the gauge has zero_mm=0,0,0.2, and had zero_mm=0,0,0.1 when"), "{other}");
+        // once
+        assert_eq!(told("uwave:///dev/b?zero_mm=0,0,0.2"), "");
+        assert!(told("uwave:///dev/b").starts_with("the gauge has no zero_mm, and had zero_mm=0,0,0.2"));
     }
 }

@@ -230,6 +230,50 @@ fn a_stop_is_sent_and_confirmed_while_the_arm_moves() {
 }
 
 #[test]
+fn an_arm_that_moves_on_after_its_stop_has_not_confirmed_it() {
+    for (answer, expected) in [("25 0 not now#", "refused \"25 #\" (not now)"), ("02 0 stopped#25 1 #", "still moves")]
+    {
+        let mut at = 0.0;
+        let mut client = connect(move |request| match &request[..2] {
+            "02" => Some(String::new()),
+            "25" => Some(answer.to_owned()),
+            "04" => {
+                at += 0.1;
+                Some(format!("04 1 {at} 0 0 0 0 0#"))
+            }
+            _ => sound(request),
+        })
+        .unwrap();
+        let stops = StopCount::default();
+        client.stop_when(Arc::clone(&stops));
+        std::thread::spawn(move || {
+            std::thread::sleep(Duration::from_millis(80));
+            stops.ask();
+        });
+        let error = client.move_joints(&[0.0; 9]).unwrap_err();
+        assert!(matches!(error, ControllerError::StopNotConfirmed { .. }), "{error}");
+        assert!(error.to_string().contains(expected), "{error}");
+    }
+}
+
+#[test]
+fn an_answer_that_comes_twice_is_not_taken_for_the_next_one() {
+    let mut asked = 0;
+    let mut client = connect(move |request| {
+        asked += usize::from(request.starts_with("04"));
+        let answer = format!("04 1 {asked} 0 0 0 0 0#");
+        if request.starts_with("04") { Some(answer.repeat(2)) } else { sound(request) }
+    })
+    .unwrap();
+    client.joints().unwrap();
+    std::thread::sleep(Duration::from_millis(50));
+    let error = client.joints().unwrap_err();
+    assert!(error.to_string().contains("said \"04 1 1 0 0 0 0 0\" before \"04 #\" was sent"), "{error}");
+    // nor is anything else asked on that line
+    assert!(matches!(client.move_joints(&[0.0; 9]), Err(ControllerError::Lost { .. })));
+}
+
+#[test]
 fn a_motion_whose_answer_is_no_message_is_stopped_and_the_connection_not_used_again() {
     let (send, seen) = std::sync::mpsc::channel();
     let mut client = connect(move |request| {

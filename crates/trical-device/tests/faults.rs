@@ -2,7 +2,8 @@
 
 use std::sync::atomic::AtomicBool;
 
-use crate::common::{Bench, Gantry, bench, options, plan};
+use crate::common::{BALLS, Bench, Gantry, bench, nominal, options, plan};
+use nalgebra::Vector3;
 use trical_device::controller::trial::Jog;
 use trical_device::gauge::Settle;
 use trical_device::gauge::uwave_protocol::Status;
@@ -11,7 +12,7 @@ use trical_device::{
     CellError, CellOptions, Controller, ControllerError, Fault, Gauge, GaugeError, ProcedureError, ProcedureOptions,
     Progress, VirtualCell, run,
 };
-use trical_model::recording::{Joints, Row};
+use trical_model::recording::{Joints, Measured, Row};
 use trical_recording::RecordError;
 use trical_recording::mcap::RunLog;
 use trical_recording::motion::JointSample;
@@ -363,4 +364,27 @@ fn a_jog_that_does_not_arrive_is_told() {
     bench.cell.inject(Fault::StuckArm);
     let error = jog.go(bench.controller.as_mut(), &from, 0.01).unwrap_err();
     assert!(matches!(error, ControllerError::NotArrived { joint: 6, .. }), "{error}");
+}
+
+#[test]
+fn a_zero_that_is_set_at_any_time_of_the_last_touch_leaves_no_wrong_row() {
+    let right = |row: &Row| {
+        let Measured::Touch { ball, reading } = row.measured else { panic!("no touch") };
+        let error = Vector3::from(Gantry::default().error);
+        let off = nominal(&row.state.q).apply(&Vector3::from(reading)) + error - Vector3::from(BALLS[ball]);
+        off.abs().max() < 1e-6
+    };
+    let (mut refused, mut measured) = (0, 0);
+    for reads in 1..30 {
+        let Bench { cell: _cell, mut gauge, mut controller, mut rows, .. } = bench();
+        let alter = |read: usize, reading: &mut [f64; 3]| reading[0] += if read > 1000 { 0.5e-3 } else { 0.0 };
+        let mut gauge = AlteredGauge { gauge: gauge.as_mut(), read: 1000 - reads, alter };
+        let cancel = AtomicBool::new(false);
+        let options = ProcedureOptions { free: Some([6e-3; 3]), ..options() };
+        let result = run(&plan(1), (&mut gauge, controller.as_mut()), &mut rows, &options, &cancel, &mut |_| ());
+        assert!(rows.iter().all(right) && rows.len() == usize::from(result.is_ok()), "after {reads} readings");
+        refused += usize::from(result.is_err_and(|e| matches!(e.violation(), Some(Violation::ZeroMoved { .. }))));
+        measured += rows.len();
+    }
+    assert!(refused > 5 && measured > 0, "{refused} refused, {measured} measured");
 }

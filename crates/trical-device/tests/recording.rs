@@ -286,10 +286,34 @@ fn a_recording_that_is_removed_or_replaced_while_it_is_written_is_kept_in_anothe
         }
         let error = log.measurement(&row(1)).unwrap_err();
         let RecordError::Removed { saved: Ok(saved), .. } = &error else { panic!("{error}") };
-        assert_eq!(*saved == path, !replaced, "{error}");
-        assert_eq!(rows(&read_recording(saved).unwrap()), [0, 1]);
+        let name = if replaced { "run.rescued-1.mcap" } else { "run.mcap" };
+        assert_eq!(*saved, folder.path().join(name), "{error}");
         log.finish().unwrap();
+        // nor does whoever takes the recording up touch it
+        drop(RecordingWriter::resume(&path, &header()));
+        assert_eq!(rows(&read_recording(saved).unwrap()), [0, 1]);
     }
+}
+
+#[test]
+fn a_recording_that_is_renamed_while_it_is_written_stays_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let [run, before, after] = ["run", "before", "after"].map(|name| folder.path().join(name));
+    std::fs::create_dir(&before).unwrap();
+    let mut log = RecordingWriter::create(&before.join("run.mcap"), &header()).unwrap();
+    log.measurement(&recorded_row()).unwrap();
+    std::fs::rename(&before, &after).unwrap();
+    let error = log.measurement(&Row { seq: Some(1), ..recorded_row() }).unwrap_err();
+    assert!(error.to_string().contains("run.mcap: was moved or renamed while it was written"), "{error}");
+    log.finish().unwrap();
+    let read = read_recording(&after.join("run.mcap")).unwrap();
+    assert_eq!((read.recording.rows.len(), read.lost), (2, None));
+    // also where the folder is there and the file is renamed in it
+    let mut log = RecordingWriter::create(&run, &header()).unwrap();
+    log.measurement(&recorded_row()).unwrap();
+    std::fs::rename(&run, folder.path().join("kept")).unwrap();
+    assert!(matches!(log.finish().unwrap_err(), RecordError::Moved { .. }));
+    assert!(!run.exists() && read_recording(&folder.path().join("kept")).unwrap().lost.is_none());
 }
 
 #[test]
@@ -346,14 +370,23 @@ fn a_recording_has_one_writer() {
 }
 
 #[test]
-fn a_link_beside_a_recording_is_not_followed() {
+fn files_beside_a_recording_are_left_alone_and_none_is_added() {
     let folder = tempfile::tempdir().unwrap();
-    let (path, precious) = (folder.path().join("run.mcap"), folder.path().join("precious"));
+    let [path, other, precious] = ["run.mcap", "run.mcap.part", "precious"].map(|name| folder.path().join(name));
+    std::fs::write(&other, "of somebody else").unwrap();
     std::fs::write(&precious, "mine").unwrap();
-    std::os::unix::fs::symlink(&precious, folder.path().join("run.mcap.part")).unwrap();
-    let error = RecordingWriter::create(&path, &header()).err().unwrap().to_string();
-    assert!(error.contains("run.mcap.part: found a link"), "{error}");
+    // the name of the file in which it is begun
+    let link = folder.path().join(format!("run.mcap.part{}", std::process::id()));
+    std::os::unix::fs::symlink(&precious, &link).unwrap();
+    RecordingWriter::create(&path, &header()).unwrap().finish().unwrap();
+    RecordingWriter::resume(&path, &header()).unwrap().0.finish().unwrap();
+    assert_eq!(std::fs::read_to_string(&other).unwrap(), "of somebody else");
     assert_eq!(std::fs::read_to_string(&precious).unwrap(), "mine");
+    // nor is anything left of one that cannot be put there
+    std::fs::create_dir(folder.path().join("folder.mcap")).unwrap();
+    let none = Recording { joints: 6, ..Recording::default() };
+    assert!(write_recording(&folder.path().join("folder.mcap"), &none, &header()).is_err());
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4);
 }
 
 #[test]

@@ -70,8 +70,8 @@ fn a_stop_of_the_robot_ends_the_motion_with_its_reason() {
 fn a_motion_that_does_not_end_is_stopped() {
     let (mut client, robot) = connect();
     robot.lock().unwrap().ignores = true;
-    let error = client.move_joints(&[0.0; 9]).unwrap_err();
-    assert!(matches!(error, ControllerError::Silent { .. }), "{error}");
+    let error = client.move_joints(&[0.0; 9]).unwrap_err().to_string();
+    assert!(error.contains("not arrived within 0.3 s; is its speed slider at 0"), "{error}");
     drop(client);
     is_stopped(&robot);
 }
@@ -164,6 +164,30 @@ fn controllers_without_the_fields_and_other_servers_are_told() {
     });
     let error = UrClient::connect("127.0.0.1", UrSettings { rtde_port: port, ..settings }).err().unwrap();
     assert!(error.to_string().contains("expected 3 to 4096"), "{error}");
+}
+
+#[test]
+fn a_server_that_sends_a_byte_at_a_time_is_not_heard_for_ever() {
+    let slow = TcpListener::bind("127.0.0.1:0").unwrap();
+    let rtde_port = slow.local_addr().unwrap().port();
+    std::thread::spawn(move || {
+        let (mut stream, _) = slow.accept().unwrap();
+        // a text of 4000 bytes, each of which comes in time
+        let mut bytes = [0; 4000];
+        bytes[..3].copy_from_slice(&[0x0f, 0xa0, b'M']);
+        for byte in bytes {
+            std::thread::sleep(Duration::from_millis(30));
+            if stream.write_all(&[byte]).is_err() {
+                return;
+            }
+        }
+    });
+    let (settings, _robot) = server();
+    let begin = std::time::Instant::now();
+    let settings = UrSettings { rtde_port, timeout: Duration::from_millis(200), ..settings };
+    let error = UrClient::connect("127.0.0.1", settings).err().unwrap();
+    assert!(matches!(error, ControllerError::Silent { .. }), "{error}");
+    assert!(begin.elapsed() < Duration::from_secs(5), "{:?}", begin.elapsed());
 }
 
 #[test]

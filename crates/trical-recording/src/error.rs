@@ -82,6 +82,15 @@ pub enum RecordError {
         /// Where what it held is now.
         saved: std::io::Result<PathBuf>,
     },
+    /// The file has another name now, or is in another folder.
+    #[error(
+        "{}: was moved or renamed while it was written; what was measured is in it, under its new name: go on with that",
+        path.display()
+    )]
+    Moved {
+        /// The name that it had.
+        path: PathBuf,
+    },
     /// Another program writes it.
     #[error("{}: another program is writing it; wait until that has ended, or choose another name", path.display())]
     Busy {

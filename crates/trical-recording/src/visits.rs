@@ -11,6 +11,7 @@ use trical_model::{JointKind, Joints, Robot};
 use crate::csv::is_nothing;
 use crate::error::{RecordError, Result};
 use crate::mcap::is_at;
+use crate::whole::write_whole;
 
 /// A CSV of visits that is open for more.
 #[derive(Debug)]
@@ -108,25 +109,26 @@ impl Visits {
 
     /// Takes the file that stands under the name now: an editor puts another one in its place. Where it was removed or emptied, what it held is
     /// written again, as the sentence that is returned says.
-    fn look_for_file(&mut self) -> Result<Option<String>> {
+    ///
+    /// # Errors
+    /// The operating system's, or a file with other columns: what the file held is kept for the next time.
+    pub fn look_for_file(&mut self) -> Result<Option<String>> {
         let held = std::fs::metadata(&self.path).map_or(0, |m| m.len());
         let same = self.path.canonicalize().is_ok_and(|path| is_at(&self.file, &path));
         if same && held == self.text.len() as u64 {
             return Ok(None);
         }
-        let (next, text) = (self.next, std::mem::take(&mut self.text));
-        let lost = (held == 0 && !text.is_empty()).then_some(text);
-        if let Some(text) = &lost {
+        let lost = held == 0 && !self.text.is_empty();
+        if lost {
             let io = |source| RecordError::Io { path: self.path.clone(), action: "be written again", source };
-            std::fs::write(&self.path, text).map_err(io)?;
+            write_whole(&self.path, &self.text).map_err(io)?;
         }
         // its lock would be in the way of ours; a file system without locks refuses
         let _ = self.file.unlock();
         let (new, note) = Self::open_with(&self.path.clone(), self.kinds.clone())?;
-        *self = new;
-        self.next = self.next.max(next);
+        *self = Self { next: new.next.max(self.next), ..new };
         let again = || format!("{} was removed or emptied: what it held has been written again", self.path.display());
-        Ok(lost.map(|_| again()).or(note))
+        Ok(lost.then(again).or(note))
     }
 
     fn put(&mut self, line: &str) -> Result<()> {

@@ -1,7 +1,7 @@
 //! Files that are written whole or not at all.
 
 use std::fs::{File, OpenOptions};
-use std::io::{ErrorKind, Result as IoResult, Write};
+use std::io::{ErrorKind, Read, Result as IoResult, Write};
 use std::path::{Path, PathBuf};
 
 /// A file that is written beside the one that it replaces; it goes away unless it is put there.
@@ -82,6 +82,41 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> IoResult<()> {
     file.write_all(bytes)?;
     file.sync_all()?;
     part.put()
+}
+
+/// Reads a file from some place on, and leaves the place alone at which it is written next.
+pub(crate) struct ReadFrom<'a> {
+    file: &'a File,
+    at: u64,
+}
+
+impl<'a> ReadFrom<'a> {
+    pub(crate) fn new(file: &'a File, at: u64) -> Self {
+        Self { file, at }
+    }
+}
+
+impl Read for ReadFrom<'_> {
+    fn read(&mut self, bytes: &mut [u8]) -> IoResult<usize> {
+        let count = read_at(self.file, bytes, self.at)?;
+        self.at += count as u64;
+        Ok(count)
+    }
+}
+
+#[cfg(unix)]
+fn read_at(file: &File, bytes: &mut [u8], at: u64) -> IoResult<usize> {
+    std::os::unix::fs::FileExt::read_at(file, bytes, at)
+}
+
+/// Windows moves the place of writing along: it is set again, whether the bytes could be read or not.
+#[cfg(not(unix))]
+fn read_at(mut file: &File, bytes: &mut [u8], at: u64) -> IoResult<usize> {
+    use std::io::{Seek, SeekFrom};
+    let end = file.stream_position()?;
+    let count = file.seek(SeekFrom::Start(at)).and_then(|_| file.read(bytes));
+    file.seek(SeekFrom::Start(end))?;
+    count
 }
 
 /// The folder that a file is in.

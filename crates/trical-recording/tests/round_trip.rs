@@ -379,6 +379,13 @@ fn visits_go_on_with_their_numbers_where_the_file_ended() {
         assert!(std::fs::read_to_string(&path).unwrap().starts_with(&before));
     }
     assert_eq!(open(&path, Some(6)).unwrap().rows.len(), 4);
+    // where that cannot be done, as on a full disk, it is done later: nothing is lost
+    std::fs::remove_dir_all(dir.path()).unwrap();
+    assert!(visits.push(&q, "right", 1).is_err() && visits.look_for_file().is_err());
+    std::fs::create_dir(dir.path()).unwrap();
+    assert!(visits.look_for_file().unwrap().unwrap().contains("was removed or emptied"));
+    assert_eq!(visits.push(&q, "right", 1).unwrap(), (5, None));
+    assert_eq!(open(&path, Some(6)).unwrap().rows.len(), 5);
     drop(visits);
     std::fs::write(&path, "seq,q1_deg\n").unwrap();
     assert!(Visits::open(&path, &robot).unwrap_err().to_string().contains("this is another file"));

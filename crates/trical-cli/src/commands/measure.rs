@@ -132,6 +132,8 @@ pub fn run(args: &Args) -> Result<()> {
         )));
     }
     let (robot, cell) = args.cell.load()?;
+    // before a person is led through half of it
+    session::check_tool(&cell).map_err(|e| CliError::Input(format!("{}, {e}", args.cell.cell.display())))?;
     let settings = args.settings.si()?;
     let guard = MotionGuard::new(&robot, &cell)?;
     let interrupt = interrupt::watch()?;

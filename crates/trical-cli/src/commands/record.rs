@@ -164,7 +164,14 @@ pub fn run(args: &Args) -> Result<()> {
             note!("no row: the joints are beyond the limits of {}: {}", args.robot.display(), shown(&robot, &q));
             continue;
         }
-        let (seq, again) = visits.push(&q, &place, socket)?;
+        let (seq, again) = match visits.push(&q, &place, socket) {
+            Ok(pushed) => pushed,
+            // of a disk that is full: who makes room goes on
+            Err(e) => {
+                note!("no row: {e}");
+                continue;
+            }
+        };
         if let Some(again) = again {
             note!("{again}");
         }
@@ -180,6 +187,9 @@ pub fn run(args: &Args) -> Result<()> {
             None => {}
         }
         last = Some((q, place.clone(), socket));
+    }
+    if let Some(again) = visits.look_for_file()? {
+        note!("{again}");
     }
     if args.json {
         return say_json(&json!({ "rows": taken, "out": args.out.display().to_string() }));

@@ -1,6 +1,5 @@
 //! Client of the RAPID dialect, over TCP or any other byte stream.
 
-use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
@@ -9,9 +8,10 @@ use trical_model::recording::{Joints, MAX_JOINTS};
 
 use super::rapid_protocol::{self as protocol, Reply, code};
 use super::{
-    Controller, ControllerError, JointSettle, LOOK_FOR_STOP, Motion, STOP_TIMEOUT, StopCount, Stops, connected,
+    Controller, ControllerError, JointSettle, LOOK_FOR_STOP, Motion, STOP_TIMEOUT, StopCount, Stops, confirmed_stop,
+    connected,
 };
-use crate::gauge::port::is_not_yet;
+use crate::gauge::port::{Port, is_not_yet};
 use crate::gauge::shorten;
 use crate::url::Secret;
 use trical_recording::motion::JointSample;
@@ -81,7 +81,7 @@ impl RapidClient<TcpStream> {
     }
 }
 
-impl<S: Read + Write + Send> RapidClient<S> {
+impl<S: Port> RapidClient<S> {
     /// A client on an open stream whose reads time out after a few milliseconds; asks who is there.
     ///
     /// # Errors
@@ -165,8 +165,30 @@ impl<S: Read + Write + Send> RapidClient<S> {
     /// Sends a request and waits for its reply; samples of the stream are kept on the way.
     fn request(&mut self, wanted: u8, request: &str, timeout: Duration) -> Result<String, ControllerError> {
         self.whole()?;
+        self.check_nothing_came(request)?;
         self.send(request)?;
         self.reply(wanted, request, timeout)
+    }
+
+    /// Before a request is sent: what has come by then answers an earlier one a second time, and would be taken for the answer to this one.
+    fn check_nothing_came(&mut self, request: &str) -> Result<(), ControllerError> {
+        while self.buffer.len() <= protocol::LONGEST && self.stream.waiting().map_err(|e| self.lost(e.to_string()))? > 0
+        {
+            self.read()?;
+        }
+        while let Some(message) = self.buffered() {
+            match protocol::parse_reply(&message) {
+                Some(Reply { code: code::SAMPLE, ok: true, data }) if self.keep_sample(&data) => {}
+                Some(Reply { code: code::ALIVE, .. }) => {}
+                _ => {
+                    let found = shorten(&message);
+                    return Err(self.lost(format!(
+                        "it said \"{found}\" before {request:?} was sent; expected nothing: it has answered an earlier request twice"
+                    )));
+                }
+            }
+        }
+        Ok(())
     }
 
     /// The reply to a request that was sent, which is shown in messages as `request`.
@@ -248,20 +270,25 @@ impl<S: Read + Write + Send> RapidClient<S> {
         }
     }
 
-    /// Stops the motion under way: done when the controller has answered, behind whatever it still had to say.
+    /// Stops the motion under way: done when the controller has answered, behind whatever it still had to say, and the joints stand still.
     fn stop(&mut self) -> ControllerError {
         let wait = |client: &mut Self| -> Result<bool, ControllerError> {
             client.send(&protocol::write_request(code::STOP, &[], 0))?;
             let deadline = Instant::now() + STOP_TIMEOUT;
             while let Some(message) = client.next_message(deadline)? {
-                if protocol::parse_reply(&message).is_some_and(|reply| reply.code == code::STOP) {
-                    return Ok(true);
+                match protocol::parse_reply(&message) {
+                    Some(Reply { code: code::STOP, ok: true, .. }) => return Ok(true),
+                    Some(Reply { code: code::STOP, ok: false, data }) => {
+                        client.broken = Some("it refused to stop".to_owned());
+                        return Err(ControllerError::refused(&client.name, "25 #", data));
+                    }
+                    _ => {}
                 }
             }
             Ok(false)
         };
         match wait(self) {
-            Ok(true) => ControllerError::Stopped,
+            Ok(true) => confirmed_stop(self),
             Ok(false) => {
                 self.broken = Some("it did not confirm a stop".to_owned());
                 ControllerError::stop_not_confirmed(
@@ -282,8 +309,8 @@ impl<S: Read + Write + Send> RapidClient<S> {
             if Instant::now() >= deadline + LATE {
                 return Ok(None);
             }
-            if let Some(end) = self.buffer.iter().position(|byte| *byte == b'#') {
-                return Ok(Some(self.buffer.drain(..=end).take(end).collect()));
+            if let Some(message) = self.buffered() {
+                return Ok(Some(message));
             }
             if self.buffer.len() > protocol::LONGEST {
                 let found = std::mem::take(&mut self.buffer);
@@ -292,14 +319,26 @@ impl<S: Read + Write + Send> RapidClient<S> {
             if Instant::now() >= deadline {
                 return Ok(None);
             }
-            let mut bytes = [0_u8; 256];
-            match self.stream.read(&mut bytes) {
-                Ok(0) => return Err(self.lost("closed at its other end".to_owned())),
-                Ok(count) => self.buffer.extend_from_slice(bytes.get(..count).unwrap_or_default()),
-                Err(error) if is_not_yet(&error) => {}
-                Err(error) => return Err(self.lost(error.to_string())),
-            }
+            self.read()?;
         }
+    }
+
+    /// The first whole message of those that have come, without its `#`.
+    fn buffered(&mut self) -> Option<Vec<u8>> {
+        let end = self.buffer.iter().position(|byte| *byte == b'#')?;
+        Some(self.buffer.drain(..=end).take(end).collect())
+    }
+
+    /// Takes what has come, or comes within a few milliseconds.
+    fn read(&mut self) -> Result<(), ControllerError> {
+        let mut bytes = [0_u8; 256];
+        match self.stream.read(&mut bytes) {
+            Ok(0) => return Err(self.lost("closed at its other end".to_owned())),
+            Ok(count) => self.buffer.extend_from_slice(bytes.get(..count).unwrap_or_default()),
+            Err(error) if is_not_yet(&error) => {}
+            Err(error) => return Err(self.lost(error.to_string())),
+        }
+        Ok(())
     }
 
     fn keep_sample(&mut self, data: &str) -> bool {
@@ -319,12 +358,13 @@ impl<S: Read + Write + Send> RapidClient<S> {
         self.whole()?;
         let request = protocol::write_request(wanted, parameters, decimals);
         let motion = self.stops.begin()?;
+        self.check_nothing_came(&request)?;
         self.send(&request)?;
         self.motion_reply(wanted, &request, &motion)
     }
 }
 
-impl<S: Read + Write + Send> Controller for RapidClient<S> {
+impl<S: Port> Controller for RapidClient<S> {
     fn name(&self) -> String {
         self.name.clone()
     }

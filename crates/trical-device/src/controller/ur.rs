@@ -133,7 +133,7 @@ impl UrClient {
         drained.set_read_timeout(None).map_err(failed)?;
         let listen = move || {
             let reason = loop {
-                if let Err(reason) = next(&mut reads, &mut bytes).map(|(kind, content)| {
+                if let Err(reason) = next(&mut reads, &mut bytes, None).map(|(kind, content)| {
                     if kind == kind::DATA
                         && let Some(state) = rtde::parse_state(&content, recipe)
                     {
@@ -256,11 +256,13 @@ impl UrClient {
              write_output_integer_register(24, {number})\nend\n"
         );
         let under_way = self.stops.begin()?;
-        let (begin, timeout) = (Instant::now(), self.settings.timeout);
+        let begin = Instant::now();
+        let UrSettings { timeout, move_timeout, .. } = self.settings;
         let (mut packages, mut heard) = (0, begin);
         let mut begun = false;
         self.send(&program)?;
-        let result = self.wait(motion, self.settings.move_timeout, |seen| {
+        // what is waited for has a time of its own, and says more
+        let result = self.wait(motion, 2 * move_timeout, |seen| {
             if under_way.is_to_stop() {
                 return Some(Err(ControllerError::Stopped));
             }
@@ -275,8 +277,15 @@ impl UrClient {
             }
             begun |= is_apart(&state, &now);
             if now.done != number && !begun && begin.elapsed() >= timeout {
-                let reason =
-                    "the arm does not begin to move; is it in remote control, powered on, and are its brakes released?";
+                let reason = "the arm does not begin to move; is it in remote control, powered on, are its brakes released, and is \
+                              its speed slider above 0?";
+                return Some(Err(ControllerError::refused(&self.name, motion, reason)));
+            }
+            if now.done != number && begin.elapsed() >= move_timeout {
+                let reason = format!(
+                    "the arm has not arrived within {} s; is its speed slider at 0, or does something hold it?",
+                    move_timeout.as_secs_f64()
+                );
                 return Some(Err(ControllerError::refused(&self.name, motion, reason)));
             }
             (now.done == number).then_some(Ok(now))
@@ -309,9 +318,12 @@ impl Drop for UrClient {
     }
 }
 
-/// The next package from a stream.
-fn next(stream: &mut TcpStream, bytes: &mut Vec<u8>) -> std::io::Result<(u8, Vec<u8>)> {
+/// The next package from a stream; with a deadline, however slowly its bytes come.
+fn next(stream: &mut TcpStream, bytes: &mut Vec<u8>, deadline: Option<Instant>) -> std::io::Result<(u8, Vec<u8>)> {
     loop {
+        if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+            return Err(ErrorKind::TimedOut.into());
+        }
         if let Some(package) = rtde::take(bytes).map_err(Error::other)? {
             return Ok(package);
         }
@@ -333,11 +345,11 @@ fn greet(stream: &mut TcpStream, bytes: &mut Vec<u8>, name: &str, timeout: Durat
             _ => ControllerError::Lost { controller: name.to_owned(), reason: e.to_string() },
         };
         stream.write_all(request).map_err(lost)?;
-        let begin = Instant::now();
+        let deadline = Some(Instant::now() + timeout);
         loop {
-            let (kind, content) = next(stream, bytes).map_err(lost)?;
+            let (kind, content) = next(stream, bytes, deadline).map_err(lost)?;
             match kind {
-                kind::TEXT | kind::DATA if begin.elapsed() < timeout => {}
+                kind::TEXT | kind::DATA => {}
                 kind if kind == wanted && right(&content) => return Ok(content),
                 _ => return Err(ControllerError::garbage(name, what, &content, expected)),
             }

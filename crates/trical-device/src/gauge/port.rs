@@ -1,4 +1,4 @@
-//! Byte ports under the gauges: serial ports, and whatever a test puts in their place.
+//! Byte ports under gauges and controllers: serial ports, TCP, and whatever a test puts in their place.
 
 use std::io::{self, Read, Write};
 use std::time::{Duration, Instant};
@@ -19,6 +19,20 @@ pub trait Port: Read + Write + Send {
 impl Port for Box<dyn serialport::SerialPort> {
     fn waiting(&mut self) -> io::Result<usize> {
         Ok(self.bytes_to_read()? as usize)
+    }
+}
+
+/// Tells no more than whether bytes wait: 1, or 0.
+impl Port for std::net::TcpStream {
+    fn waiting(&mut self) -> io::Result<usize> {
+        self.set_nonblocking(true)?;
+        let found = self.peek(&mut [0]);
+        self.set_nonblocking(false)?;
+        match found {
+            Err(error) if is_not_yet(&error) => Ok(0),
+            // the end of the stream is told by who reads it
+            found => found,
+        }
     }
 }
 

@@ -69,11 +69,14 @@ impl ProcedureError {
         matches!(self.violation(), Some(Violation::Cancelled | Violation::Stopped))
     }
 
-    /// Whether what was measured is on the disk, so that a run can go on: unless another program destroyed the recording.
+    /// Whether what was measured is on the disk under the name of the recording, so that a run can go on: unless another program destroyed or
+    /// moved it.
     #[must_use]
     pub fn goes_on(&self) -> bool {
-        !self.is_cancelled()
-            && !matches!(self.violation(), Some(Violation::Record(RecordError::Removed { saved: Err(_), .. })))
+        let gone = |error: &RecordError| {
+            matches!(error, RecordError::Removed { saved: Err(_), .. } | RecordError::Moved { .. })
+        };
+        !self.is_cancelled() && !matches!(self.violation(), Some(Violation::Record(error)) if gone(error))
     }
 }
 
@@ -190,8 +193,8 @@ pub enum Violation {
     /// A free stem comes to rest at another reading than before.
     #[error(
         "indicator {axis} reads {reading_mm:.4} mm with its stem free, and read {first_mm:.4} mm there at the first touch; expected a \
-         difference of {limit_mm:.3} mm at most: its zero was set anew, or it has slipped in its clamp; the touch before may be \
-         wrong by as much; master the device before going on"
+         difference of {limit_mm:.3} mm at most: its zero was set anew, or it has slipped in its clamp; the touch before, if it is \
+         recorded, may be wrong by as much; master the device before going on"
     )]
     ZeroMoved {
         /// Which axis.
@@ -360,5 +363,6 @@ mod tests {
         assert!(
             goes_on(removed(Ok("saved.mcap".into()))) && !goes_on(removed(Err(std::io::ErrorKind::StorageFull.into())))
         );
+        assert!(!goes_on(Violation::Record(RecordError::Moved { path: "run.mcap".into() })));
     }
 }

@@ -38,7 +38,8 @@ const STANDING_CLOCK_S: f64 = 10.0;
 /// So many jumps are told.
 const TOLD_JUMPS: usize = 3;
 
-/// Drives through a plan; every accepted touch is in the log before the arm leaves it.
+/// Drives through a plan; every accepted touch is in the log before the arm leaves it, but for the last one: it is accepted once the stems are
+/// free again and read as before.
 ///
 /// Without [`ProcedureOptions::go`] nothing moves, and the report lists the steps. `cancel` is looked at between steps;
 /// it ends the run like an error does: the arm stops, goes back the way it came, and the error says so.
@@ -90,6 +91,7 @@ pub fn run(
         runner.leave_a_touch(plan).map_err(|violation| ProcedureError::Leave { violation: Box::new(violation) })?;
     }
     let total = plan.len();
+    let last = plan.iter().rposition(|entry| !options.skip.contains(&entry.index));
     for (number, entry) in plan.iter().enumerate() {
         let done = runner.report.measured + runner.report.skipped;
         if options.skip.contains(&entry.index) {
@@ -99,8 +101,12 @@ pub fn run(
         (runner.progress)(Progress::Begin { index: entry.index, ball: entry.ball, done, total });
         runner.trail = vec![runner.at];
         let led_in = runner.led_in(plan, number);
-        let result = match runner.touch(led_in.as_ref().unwrap_or(entry), total) {
-            Ok(()) => runner.leave().map_err(|violation| (violation, RetreatOutcome::Interrupted)),
+        let result = match runner.touch(led_in.as_ref().unwrap_or(entry)) {
+            Ok(row) if Some(number) == last => runner.end(entry, row, total),
+            Ok(row) => match runner.accept(row, total) {
+                Ok(()) => runner.leave().map_err(|violation| (violation, RetreatOutcome::Interrupted)),
+                Err(violation) => Err((violation, runner.retreat())),
+            },
             // whoever moves the arm by hand has it
             Err(violation @ Violation::Stopped) => Err((violation, RetreatOutcome::Stopped)),
             Err(
@@ -248,8 +254,8 @@ impl Runner<'_, '_> {
         Some(PlanEntry { via, ..entry.clone() })
     }
 
-    /// Steps (a) to (g): to the ball, read and correct, record.
-    fn touch(&mut self, entry: &PlanEntry, total: usize) -> Result<(), Violation> {
+    /// Steps (a) to (g): to the ball, read and correct; what is to be recorded.
+    fn touch(&mut self, entry: &PlanEntry) -> Result<Row, Violation> {
         let options = self.options;
         self.controller.set_speed(options.travel_speed, ROTATION_SPEED)?;
         for q in &entry.via {
@@ -290,7 +296,21 @@ impl Runner<'_, '_> {
         if !entry.via.is_empty() {
             self.check_response(entry, &reading)?;
         }
-        self.accept(row, total)
+        Ok(row)
+    }
+
+    /// Leaves the last touch of the run, and accepts it. A zero that was set anew during any other touch is found before the next one; here the
+    /// free stems are read once more, and a touch whose zero is not known is not recorded.
+    fn end(&mut self, entry: &PlanEntry, row: Row, total: usize) -> Result<(), (Violation, RetreatOutcome)> {
+        let left = match self.leave() {
+            Err(violation) => Err((violation, RetreatOutcome::Interrupted)),
+            Ok(()) if entry.via.is_empty() => Ok(()),
+            Ok(()) => self.check_free().map_err(|violation| (violation, self.retreat())),
+        };
+        if !matches!(left, Err((Violation::ZeroMoved { .. } | Violation::NotFree { .. }, _))) {
+            self.accept(row, total).map_err(|violation| (violation, self.retreat()))?;
+        }
+        left
     }
 
     /// At the approach point each stem has to read as one that touches nothing, and the same as at the first touch: its own stop.

@@ -1,8 +1,8 @@
 //! One writer for each recording: an advisory lock on the file, from the one beside it on until the writer ends, however it
 //! ends.
 
-use std::fs::{File, OpenOptions, TryLockError};
-use std::path::{Path, PathBuf};
+use std::fs::{File, TryLockError};
+use std::path::Path;
 
 use crate::error::RecordError;
 
@@ -25,13 +25,6 @@ impl Drop for Locked {
     }
 }
 
-/// The file in which a recording is begun.
-pub(super) fn temporary_beside(path: &Path) -> PathBuf {
-    let mut name = path.file_name().unwrap_or_default().to_os_string();
-    name.push(".part");
-    path.with_file_name(name)
-}
-
 /// Says whether another program writes a recording, in a file that may not be there.
 ///
 /// # Errors
@@ -49,35 +42,8 @@ pub(super) fn lock_existing(path: &Path) -> Result<Option<Locked>, RecordError> 
     lock(file, path).map(Some)
 }
 
-/// The file beside, empty. Links are not followed: they could lead to any file.
-pub(super) fn begin_beside(path: &Path) -> Result<Locked, RecordError> {
-    let temporary = temporary_beside(path);
-    let wrong = |problem: &str| RecordError::File {
-        file: temporary.display().to_string(),
-        problem: format!("{problem}; expected no file, or one that was left by a recording that was broken off"),
-    };
-    if temporary.symlink_metadata().is_ok_and(|found| !found.is_file()) {
-        return Err(wrong("found a link, a folder or a device"));
-    }
-    let mut options = OpenOptions::new();
-    options.read(true).write(true).create(true).truncate(false);
-    #[cfg(unix)]
-    {
-        use nix::fcntl::OFlag;
-        use std::os::unix::fs::OpenOptionsExt;
-        options.custom_flags((OFlag::O_NOFOLLOW | OFlag::O_NONBLOCK).bits());
-    }
-    let file = options.open(&temporary).map_err(RecordError::io(&temporary, "create"))?;
-    let file = lock(file, path)?;
-    // whoever had it may have given it its name meanwhile
-    if !is_at(&file, &temporary) {
-        return Err(RecordError::Busy { path: path.to_owned() });
-    }
-    file.set_len(0).map_err(RecordError::io(&temporary, "write"))?;
-    Ok(file)
-}
-
-fn lock(file: File, path: &Path) -> Result<Locked, RecordError> {
+/// Keeps other writers from a file, which is or becomes the recording of that name.
+pub(super) fn lock(file: File, path: &Path) -> Result<Locked, RecordError> {
     match file.try_lock() {
         Err(TryLockError::WouldBlock) => Err(RecordError::Busy { path: path.to_owned() }),
         // a file system without locks
@@ -96,6 +62,18 @@ pub(crate) fn is_at(file: &File, path: &Path) -> bool {
 #[cfg(not(unix))]
 pub(crate) fn is_at(_: &File, path: &Path) -> bool {
     path.is_file()
+}
+
+/// Whether a file that was opened still has a name, be it another one: what was written into one without is lost when it is closed.
+#[cfg(unix)]
+pub(super) fn has_a_name(file: &File) -> bool {
+    file.metadata().is_ok_and(|found| std::os::unix::fs::MetadataExt::nlink(&found) > 0)
+}
+
+/// Not known here.
+#[cfg(not(unix))]
+pub(super) fn has_a_name(_: &File) -> bool {
+    false
 }
 
 #[cfg(test)]

@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufWriter, Read, Seek, SeekFrom};
+use std::io::{BufWriter, ErrorKind, Read, Seek};
 use std::path::{Path, PathBuf};
 
 use mcap::records::{MessageHeader, Metadata};
 use trical_model::recording::{Recording, Row};
 
 use super::cdr::{self, JointState};
-use super::lock::{Locked, begin_beside, is_at, lock_existing, temporary_beside};
+use super::lock::{Locked, has_a_name, is_at, lock, lock_existing};
 use super::read::{interpret, read_raw};
 use super::records::{RawFile, RawMessage};
 use super::{Header, ReadRecording, RunLog, schema};
@@ -17,7 +17,7 @@ use crate::error::RecordError;
 use crate::json;
 use crate::motion::JointSample;
 use crate::shared::{Places, Shared};
-use crate::whole::{behind_links, put};
+use crate::whole::{Part, ReadFrom, behind_links, folder};
 
 /// Where the metadata hold the plan's hash.
 const PLAN: &str = "plan_sha256";
@@ -36,14 +36,16 @@ pub struct RecordingWriter {
     channels: Channels,
     sequences: BTreeMap<u16, u32>,
     last_t: f64,
-    /// Whether what was written is in another file now.
-    rescued: bool,
+    /// Whether it was told that the file has lost its name, and what was written is in another file or has another name.
+    told: bool,
     /// Where the last measurement ended, and the bytes before that.
     written: (u64, [u8; PROBE]),
 }
 
 /// So many bytes before the end are read again at the next measurement: another program may have emptied the file in its place.
 const PROBE: usize = 64;
+/// So many names are tried for what is rescued.
+const MOST_RESCUED: usize = 100;
 
 struct Channels {
     joint_states: u16,
@@ -186,9 +188,12 @@ impl RecordingWriter {
     /// Begins in a file beside, which takes the name once its head is whole; nothing is left of one that could not be written.
     fn begin(path: &Path, header: &Header, before: Option<&RawFile>) -> Result<Self, RecordError> {
         let shared = Shared { prismatic: header.prismatic, ..Shared::for_joints(header.joint_names.len()) };
-        let mut writer = Self::begin_beside(path, header, shared, before)?;
-        let whole = before.map_or(Ok(()), |raw| writer.copy(raw)).and_then(|()| writer.sync());
-        whole.and_then(|()| publish(path)).inspect_err(|_| drop(std::fs::remove_file(temporary_beside(path))))?;
+        let (mut writer, part) = Self::begin_beside(path, header, shared, before)?;
+        if let Some(raw) = before {
+            writer.copy(raw)?;
+        }
+        writer.sync()?;
+        publish(part, path)?;
         Ok(writer)
     }
 
@@ -197,8 +202,9 @@ impl RecordingWriter {
         header: &Header,
         shared: Shared,
         before: Option<&RawFile>,
-    ) -> Result<Self, RecordError> {
-        let file = begin_beside(path)?;
+    ) -> Result<(Self, Part), RecordError> {
+        let (part, file) = Part::of(path).map_err(RecordError::io(path, "create"))?;
+        let file = lock(file, path)?;
         let failed = || RecordError::mcap(path);
         let stream = file.try_clone().map_err(RecordError::io(path, "write"))?;
         // not compressed: a chunk that was cut still gives its messages, and the files are small
@@ -230,13 +236,13 @@ impl RecordingWriter {
             channels,
             sequences: BTreeMap::new(),
             last_t: 0.0,
-            rescued: false,
+            told: false,
             written: (0, [0; PROBE]),
         };
         if let Some((id, data)) = description {
             writer.message(id, 0.0, &data)?;
         }
-        Ok(writer)
+        Ok((writer, part))
     }
 
     /// Copies all messages of an older file, with their times and numbers.
@@ -282,41 +288,58 @@ impl RecordingWriter {
         self.check_there()
     }
 
-    /// What is written into a file that was removed is lost when it is closed: it is written again.
+    /// What is written into a file that was removed is lost when it is closed: it is written again. A file that was moved still holds it.
     fn check_there(&mut self) -> Result<(), RecordError> {
         let path = behind_links(&self.path).unwrap_or_else(|_| self.path.clone());
         if let Err(why) = self.check_as_written() {
             return Err(RecordError::Removed { path, saved: Err(why) });
         }
-        if self.rescued || is_at(&self.file, &path) {
+        if self.told || is_at(&self.file, &path) {
             return Ok(());
         }
-        let to = if path.exists() { temporary_beside(&path) } else { path.clone() };
-        let mut file: &File = &self.file;
-        let copied = file.rewind().and_then(|()| File::create_new(&to)).and_then(|mut copy| {
-            std::io::copy(&mut file, &mut copy)?;
-            copy.sync_all()
-        });
-        self.rescued = copied.is_ok();
-        Err(RecordError::Removed { path, saved: copied.map(|()| to) })
+        if has_a_name(&self.file) {
+            self.told = true;
+            return Err(RecordError::Moved { path });
+        }
+        let saved = self.rescue(&path);
+        self.told = saved.is_ok();
+        Err(RecordError::Removed { path, saved })
+    }
+
+    /// Copies what was written under the name that it had, or under a free one where another file has that by now.
+    fn rescue(&self, path: &Path) -> std::io::Result<PathBuf> {
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        let mut to = path.to_owned();
+        let mut copy = File::create_new(&to);
+        for number in 1..=MOST_RESCUED {
+            if !copy.as_ref().is_err_and(|e| e.kind() == ErrorKind::AlreadyExists) {
+                break;
+            }
+            to = path.with_file_name(format!("{stem}.rescued-{number}.mcap"));
+            copy = File::create_new(&to);
+        }
+        let mut copy = copy?;
+        std::io::copy(&mut ReadFrom::new(&self.file, 0), &mut copy)
+            .and_then(|_| copy.sync_all())
+            // of a disk that is full: a part of a recording under that name would be taken for all of it
+            .inspect_err(|_| drop(std::fs::remove_file(&to)))?;
+        Ok(to)
     }
 
     /// What stood before the end at the last measurement has to stand there still; what stands before the end now is kept for the next time.
     fn check_as_written(&mut self) -> std::io::Result<()> {
         let mut file: &File = &self.file;
         let end = file.stream_position()?;
-        let mut read = |to: u64| {
+        let read = |to: u64| {
             let mut bytes = [0; PROBE];
-            file.seek(SeekFrom::Start(to.saturating_sub(PROBE as u64)))?;
-            file.read_exact(&mut bytes).map(|()| bytes)
+            let from = to.saturating_sub(PROBE as u64);
+            ReadFrom::new(file, from).read_exact(&mut bytes).map(|()| bytes)
         };
         let (before, bytes) = self.written;
-        let [there, now] = [before, end].map(&mut read);
-        file.seek(SeekFrom::Start(end))?;
-        if before > 0 && there.ok() != Some(bytes) {
+        if before > 0 && read(before).ok() != Some(bytes) {
             return Err(std::io::Error::other("another program has written into it"));
         }
-        self.written = (end, now?);
+        self.written = (end, read(end)?);
         Ok(())
     }
 
@@ -394,28 +417,24 @@ impl RunLog for RecordingWriter {
 /// The file cannot be written.
 pub fn write_recording(path: &Path, recording: &Recording, header: &Header) -> Result<(), RecordError> {
     let path = &behind_links(path).map_err(RecordError::io(path, "follow the links"))?;
-    let mut writer = RecordingWriter::begin_beside(path, header, Shared::of(recording), None)?;
-    let write = move || {
-        for row in &recording.rows {
-            let text = json::row_to_json(row, &writer.shared);
-            let t = row.state.t.unwrap_or(writer.last_t);
-            writer.message(writer.channels.measurement, t, text.as_bytes())?;
-        }
-        // a recording that another program writes is not replaced
-        let _old = lock_existing(path)?;
-        writer.end()?;
-        drop(writer);
-        publish(path)
-    };
-    // nothing was measured in the file beside
-    write().inspect_err(|_| drop(std::fs::remove_file(temporary_beside(path))))
+    let (mut writer, part) = RecordingWriter::begin_beside(path, header, Shared::of(recording), None)?;
+    for row in &recording.rows {
+        let text = json::row_to_json(row, &writer.shared);
+        let t = row.state.t.unwrap_or(writer.last_t);
+        writer.message(writer.channels.measurement, t, text.as_bytes())?;
+    }
+    // a recording that another program writes is not replaced
+    let _old = lock_existing(path)?;
+    writer.end()?;
+    drop(writer);
+    publish(part, path)
 }
 
 /// Gives the file beside its name.
-fn publish(path: &Path) -> Result<(), RecordError> {
-    put(&temporary_beside(path), path).map_err(RecordError::io(path, "put the new file there"))?;
+fn publish(part: Part, path: &Path) -> Result<(), RecordError> {
+    part.put().map_err(RecordError::io(path, "put the new file there"))?;
     // so that the rename lasts
-    let folder = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = folder(path);
     let lasts = File::open(folder).and_then(|folder| folder.sync_all());
     lasts.map_err(RecordError::io(folder, "write to the disk"))
 }

@@ -67,6 +67,7 @@ impl Person {
         let terminal = std::io::stderr().is_terminal() && std::io::stdin().is_terminal();
         let mut live = live.filter(|_| terminal).map(|(g, c)| Live::new(g, c, stroke));
         loop {
+            self.forget_typed();
             tell(&format!("> {text}"))?;
             if live.is_some() {
                 // the two lines of the readings; what is typed stands below them
@@ -84,6 +85,20 @@ impl Person {
                 },
             }
         }
+    }
+
+    /// At a terminal a question is answered by what is typed once it is there: a key pressed earlier would let the arm start by itself. Where
+    /// answers come through a pipe, they are written ahead.
+    fn forget_typed(&self) {
+        if !std::io::stdin().is_terminal() {
+            return;
+        }
+        // a line that has not ended
+        #[cfg(unix)]
+        let _ = nix::sys::termios::tcflush(std::io::stdin(), nix::sys::termios::FlushArg::TCIFLUSH);
+        // a line that the thread is just handing over
+        std::thread::sleep(Duration::from_millis(20));
+        while self.lines.try_recv().is_ok() {}
     }
 
     /// The next line.

@@ -223,9 +223,7 @@ impl Reader<'_> {
 
     /// Sets the tool or the base; a tool that stands still goes on to do so.
     pub(super) fn set(&mut self, is_tool: bool, name: String) {
-        if is_number(&name) {
-            self.used.insert((is_tool, name.clone()));
-        }
+        self.used.extend(name.split(TIMES).filter(|part| is_number(part)).map(|part| (is_tool, part.to_owned())));
         let slot = self.now.slot(is_tool);
         let is_fixed = is_tool && slot.as_ref().is_some_and(|tool| tool.starts_with(STANDING));
         *slot = Some(if is_fixed { format!("{STANDING}{}", name.trim_start_matches(STANDING)) } else { name });
@@ -394,7 +392,8 @@ impl Reader<'_> {
 
     /// `TOOL_DATA[1]={...}`, from the brace on.
     pub(super) fn element(&mut self, is_tool: bool, number: String) {
-        let frame = self.given(&format!("{}[{number}]", if is_tool { "tool_data" } else { "base_data" }));
+        let name = format!("{}[{number}]", if is_tool { "tool_data" } else { "base_data" });
+        let frame = self.given(&name);
         // $TOOL and $BASE keep what they were until they are set again
         let is_active = self.now.slot(is_tool).as_ref() == Some(&number);
         let frame = if is_active {
@@ -403,6 +402,7 @@ impl Reader<'_> {
             frame
         };
         if !self.flow.is_certain() || self.used.contains(&(is_tool, number.clone())) {
+            self.products.remove(&name);
             self.scan.set_late.insert((is_tool, number.clone()));
         }
         declare(self.scan.frames.of_mut(is_tool), number, frame, SEVERAL);

@@ -438,6 +438,16 @@ impl Reader<'_> {
             if source.is_empty() {
                 return;
             }
+            self.c.skip_space();
+            let is_elsewhere = !self.functions.contains_key(&hashed(source))
+                && self.c.peek() == b'('
+                && self.routine_elsewhere(source).is_some();
+            if is_elsewhere {
+                self.names.set_here(name, part, Origin::Computed(from as u32));
+                // what the function does is read as any call
+                self.c = start;
+                return;
+            }
             match self.source(from, source, b";{") {
                 Some(origin) => {
                     self.export_source(name, origin);
@@ -457,7 +467,6 @@ impl Reader<'_> {
             // what it returns is no target; what it does is read as any expression
             b'(' if self.functions.get(&routine) == Some(&false) => None,
             b'(' if self.joints_of_place(word) => Some(Origin::Here),
-            b'(' if !self.functions.contains_key(&routine) && self.routine_elsewhere(word).is_some() => None,
             b'(' => Some(match self.relative(word) {
                 Place::Name { name, way, .. } => {
                     if matches!(way, Way::To) {

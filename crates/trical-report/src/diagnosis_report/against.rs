@@ -192,8 +192,9 @@ pub fn against(f: &Finding, d: &Diagnosis) -> Result<Against> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
+
     use trical_diagnose::Coefficient;
 
     use super::*;

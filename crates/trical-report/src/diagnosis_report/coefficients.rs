@@ -64,8 +64,9 @@ fn amplitude([sine, cosine]: [f64; 2], [s, c]: [Option<f64>; 2]) -> (f64, Option
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
+
     use trical_model::{Basis, Shape, Variable};
 
     use super::*;

@@ -162,6 +162,7 @@ impl Flow {
     /// At the beginning of a routine.
     pub fn routine(&mut self, name: u64, now: &mut Setup) {
         let outside = now.clone();
+        self.has_left = false;
         if let Some(begins) = self.known.get(&Block::Routine(name)).and_then(|p| p.begins.clone()) {
             *now = begins;
         }

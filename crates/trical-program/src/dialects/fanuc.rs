@@ -22,6 +22,9 @@ const JOINTS: [&[u8]; 9] = [b"J1", b"J2", b"J3", b"J4", b"J5", b"J6", b"J7", b"J
 const ANOTHER_ARM: &str =
     "has a pose of another arm too (GP2 or higher), which stays as it is; only the first such position is named";
 
+/// What activates a tool, and a user frame.
+const ACTIVE: [[&str; 2]; 2] = [["UTOOL_NUM", "$MNUTOOLNUM"], ["UFRAME_NUM", "$MNUFRAMENUM"]];
+
 /// Where the mark goes: a remark at the beginning of `/MN`. \[I\] A loader counts the lines itself.
 #[must_use]
 pub fn header(bytes: &[u8]) -> usize {
@@ -55,8 +58,7 @@ pub fn scan(bytes: &[u8]) -> Scan {
     // registers are the controller's, and have numbers there
     let mut names = Names::with_declarations();
     let main = section(bytes, b"/MN").map_or(0, |m| m.min(positions));
-    let active = [["UTOOL_NUM", "$MNUTOOLNUM"], ["UFRAME_NUM", "$MNUFRAMENUM"]]
-        .map(|names| active(&bytes[main..positions], names));
+    let active = ACTIVE.map(|names| active(&bytes[main..positions], names));
     // nothing begins a comment in /POS
     let mut c = Cursor::at(bytes, positions, 0);
     let (mut all, mut unread) = (Vec::new(), Vec::new());
@@ -102,19 +104,8 @@ fn tracks_line(bytes: &[u8], end: usize) -> Option<usize> {
 fn active(main: &[u8], names: [&str; 2]) -> Result<Option<String>, String> {
     let mut found: Option<String> = None;
     for line in main.split(|b| *b == b'\n') {
-        let text = statement(line).to_ascii_uppercase();
-        let mut rest = names.iter().filter_map(|name| action(&text).strip_prefix(name.as_bytes()));
-        let Some(rest) = rest.next().map(<[u8]>::trim_ascii_start) else { continue };
-        let close = rest.iter().position(|b| *b == b']').filter(|_| rest.starts_with(b"["));
-        let (groups, rest) = rest.split_at(close.map_or(0, |k| k + 1));
-        if !groups.is_empty() && !groups.contains(&b'1') {
-            continue;
-        }
-        let rest = rest.trim_ascii_start();
-        let Some(rest) = rest.strip_prefix(b"=").map(<[u8]>::trim_ascii_start) else { continue };
-        let digits: Vec<u8> = rest.iter().copied().take_while(u8::is_ascii_digit).collect();
-        let number = lower(&digits);
-        if digits.is_empty() || found.as_ref().is_some_and(|f| *f != number) {
+        let Some(number) = activated(action(&statement(line).to_ascii_uppercase()), names) else { continue };
+        if number.is_empty() || found.as_ref().is_some_and(|f| *f != number) {
             return Err(format!(
                 "is meant with whichever {} is active, and the program sets several or calculates it",
                 names[0]
@@ -123,6 +114,19 @@ fn active(main: &[u8], names: [&str; 2]) -> Result<Option<String>, String> {
         found = Some(number);
     }
     Ok(found)
+}
+
+/// The number of the tool or frame that a statement activates for the arm by one of these names; empty where it calculates it.
+fn activated(upper: &[u8], names: [&str; 2]) -> Option<String> {
+    let rest = names.iter().find_map(|name| upper.strip_prefix(name.as_bytes()))?.trim_ascii_start();
+    let close = rest.iter().position(|b| *b == b']').filter(|_| rest.starts_with(b"["));
+    let (groups, rest) = rest.split_at(close.map_or(0, |k| k + 1));
+    if !groups.is_empty() && !groups.contains(&b'1') {
+        return None;
+    }
+    let rest = rest.trim_ascii_start().strip_prefix(b"=")?.trim_ascii_start();
+    let digits = rest.iter().take_while(|b| b.is_ascii_digit()).count();
+    Some(lower(&rest[..digits]))
 }
 
 /// A line of /MN without its number; generators leave the number out, or the colon too.
@@ -473,6 +477,7 @@ fn action(upper: &[u8]) -> &[u8] {
 /// Which of the `positions` the lines of `/MN` (`main..end`) go to, one after the other, and where registers come from.
 fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut Names, positions: &[u64]) {
     let (mut at, mut whole) = (main, main);
+    let mut now = Active::default();
     for line in bytes[main..end].split_inclusive(|b| *b == b'\n') {
         let begin = at;
         at += line.len();
@@ -487,7 +492,10 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
         }
         let offset = begin + (text.as_ptr() as usize - line.as_ptr() as usize);
         let upper = without_names(without_remark(&bytes[offset..whole]).to_ascii_uppercase());
-        fork(&upper).into_iter().for_each(|fork| names.fork(fork));
+        if let Some(fork) = fork(&upper) {
+            names.fork(fork);
+            now.fork(fork);
+        }
         let all = places(&upper);
         for (_, _, digits) in all.iter().filter(|(_, is_register, _)| !is_register) {
             match digits.is_empty() {
@@ -505,6 +513,7 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
         }
         let offset = offset + upper.len() - done.len();
         let (upper, all) = (done, places(done));
+        now.statement(upper, is_conditional);
         if sets_frame(upper) {
             scan.problem(offset, changed_here("a tool or user frame"));
         } else if let Some(equals) = assigned(upper)
@@ -528,12 +537,47 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
             scan.problem(offset, what);
             names.visit(Visit::Unknown);
         } else if moves(upper) {
-            motion(upper, &all, offset, scan, names);
+            motion(upper, &all, offset, &now, scan, names);
         } else if let Some((at, own)) = of_first_group(upper) {
-            motion(own, &places(own), offset + at, scan, names);
+            motion(own, &places(own), offset + at, &now, scan, names);
         }
         if is_conditional {
             names.fork(Fork::Closes);
+        }
+    }
+}
+
+/// Which tool and which frame are active, as far as the text above says: registers are gone to with these.
+#[derive(Default)]
+struct Active {
+    numbers: [Option<String>; 2],
+    /// How many blocks are open.
+    depth: usize,
+}
+
+impl Active {
+    fn fork(&mut self, fork: Fork) {
+        match fork {
+            Fork::Opens | Fork::Repeats => self.depth += 1,
+            Fork::Closes => self.depth = self.depth.saturating_sub(1),
+            Fork::Anywhere => self.numbers = Default::default(),
+            Fork::Other => {}
+        }
+    }
+
+    /// Behind a branch nobody knows what it has set.
+    fn statement(&mut self, upper: &[u8], is_conditional: bool) {
+        for (number, names) in self.numbers.iter_mut().zip(ACTIVE) {
+            if let Some(new) = activated(upper, names) {
+                *number = Some(new).filter(|new| !new.is_empty() && !is_conditional && self.depth == 0);
+            }
+        }
+    }
+
+    fn setup(&self, scan: &mut Scan) -> u32 {
+        match &self.numbers {
+            [tool @ Some(_), frame @ Some(_)] => scan.setup(Setup { tool: tool.clone(), frame: frame.clone() }),
+            _ => OWN_SETUP,
         }
     }
 }
@@ -589,7 +633,7 @@ fn unread(upper: &[u8]) -> Option<&[u8]> {
 }
 
 /// A motion to these places; it stands at `offset`.
-fn motion(upper: &[u8], all: &[(usize, bool, &[u8])], offset: usize, scan: &mut Scan, names: &mut Names) {
+fn motion(upper: &[u8], all: &[(usize, bool, &[u8])], offset: usize, now: &Active, scan: &mut Scan, names: &mut Names) {
     let increment = has(upper, b"INC");
     let relative = increment || [&b"OFFSET"[..], b"TOOL_OFFSET", b"VOFFSET"].iter().any(|word| has(upper, word));
     if relative && !increment {
@@ -626,7 +670,7 @@ fn motion(upper: &[u8], all: &[(usize, bool, &[u8])], offset: usize, scan: &mut 
             let what = "goes to a position register whose number only the running program knows (PR[R[...]])";
             scan.problem(offset, what);
         } else if *is_register {
-            names.used(register(digits), OWN_SETUP, Way::To, offset + place);
+            names.used(register(digits), now.setup(scan), Way::To, offset + place);
         } else if !digits.is_empty() {
             // its setup is what the position itself says
             names.gone_to(hashed(digits), relative, offset + place);

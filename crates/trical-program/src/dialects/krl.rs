@@ -287,7 +287,7 @@ impl<'a> Reader<'a> {
     fn functions_in(&mut self, mut c: Cursor<'a>) {
         let line = c.until(b";\n\r");
         let end = c.at + line.len();
-        // behind the bracket of a call that is the whole statement
+        // most lines call nothing
         if !line.contains(&b'(') {
             return;
         }

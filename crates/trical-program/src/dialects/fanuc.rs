@@ -7,6 +7,8 @@
 //! Words that depend on the controller's language (CONFIG, KONFIG) are known by what stands behind them. Motions to position
 //! registers are listed, unless a register is set from positions of the listing or from where the arm is.
 
+use std::ops::Range;
+
 use crate::branch::Configuration;
 use crate::literal::Shape;
 use crate::names::{Names, Origin, Way};
@@ -76,7 +78,8 @@ pub fn scan(bytes: &[u8]) -> Scan {
             c.skip_line();
         }
     }
-    motions(bytes, main, positions, &mut scan, &mut names, &all);
+    let now = Active { only: active.map(|found| found.ok().flatten()), ..Active::default() };
+    motions(bytes, main..positions, now, &mut scan, &mut names, &all);
     for (_, at, what) in unread.into_iter().filter(|(name, ..)| names.is_read(*name)) {
         scan.problem(at, what);
     }
@@ -474,10 +477,16 @@ fn action(upper: &[u8]) -> &[u8] {
     upper[behind..].trim_ascii_start()
 }
 
-/// Which of the `positions` the lines of `/MN` (`main..end`) go to, one after the other, and where registers come from.
-fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut Names, positions: &[u64]) {
+/// Which of the `positions` the lines of `/MN` go to, one after the other, and where registers come from.
+fn motions(
+    bytes: &[u8],
+    Range { start: main, end }: Range<usize>,
+    mut now: Active,
+    scan: &mut Scan,
+    names: &mut Names,
+    positions: &[u64],
+) {
     let (mut at, mut whole) = (main, main);
-    let mut now = Active::default();
     for line in bytes[main..end].split_inclusive(|b| *b == b'\n') {
         let begin = at;
         at += line.len();
@@ -551,6 +560,8 @@ fn motions(bytes: &[u8], main: usize, end: usize, scan: &mut Scan, names: &mut N
 #[derive(Default)]
 struct Active {
     numbers: [Option<String>; 2],
+    /// Those that the program sets wherever it sets one.
+    only: [Option<String>; 2],
     /// How many blocks are open.
     depth: usize,
 }
@@ -560,7 +571,7 @@ impl Active {
         match fork {
             Fork::Opens | Fork::Repeats => self.depth += 1,
             Fork::Closes => self.depth = self.depth.saturating_sub(1),
-            Fork::Anywhere => self.numbers = Default::default(),
+            Fork::Anywhere => self.numbers.clone_from(&self.only),
             Fork::Other => {}
         }
     }
@@ -694,7 +705,9 @@ fn set_register(
 ) {
     let name = register(digits);
     let at = at as u32;
-    let origin = match from.first() {
+    // of a sum, the place is the position; registers say how far from it
+    let is_position = |(_, is_register, digits): &&(usize, bool, &[u8])| !is_register && !digits.is_empty();
+    let origin = match from.iter().find(is_position).or(from.first()) {
         // a shift against itself goes with it
         Some((_, true, other)) if *other == digits => Origin::Name { name, at },
         _ if is_element => Origin::Computed(at),

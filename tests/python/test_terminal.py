@@ -40,18 +40,24 @@ def test_live_readings_leave_what_is_typed_alone(tmp_path: Path) -> None:
             links = ["--gauge", gauge, "--controller", controller, "--out", "led.mcap", "--guided", "--go"]
             guided = [program(), "measure", *CELL, *links]
             with subprocess.Popen(guided, cwd=tmp_path, stdin=theirs, stdout=theirs, stderr=theirs) as led:
-                asked = heard(terminal, 3)
-                assert "Hold the device" in asked and REDRAWN.search(asked), asked
-                typed = ""
-                for key in "0,10,20":
-                    os.write(terminal, key.encode())
-                    typed += heard(terminal, 0.3)
-                shown = REDRAWN.findall(typed)
-                assert len(shown) > 3 and all("x +6.000 mm free" in x and "joints 0.00" in q for x, q in shown), typed
-                assert REDRAWN.sub("", typed) == "0,10,20"
-                os.write(terminal, b"\nq\n")
-                assert "'0,10,20' is not understood" in heard(terminal, 2)
-                assert led.wait(20) == 1
+                try:
+                    asked = heard(terminal, 3)
+                    assert "Hold the device" in asked and REDRAWN.search(asked), asked
+                    typed = ""
+                    for key in "0,10,20":
+                        os.write(terminal, key.encode())
+                        typed += heard(terminal, 0.3)
+                    shown = REDRAWN.findall(typed)
+                    assert len(shown) > 3, typed
+                    assert all("x +6.000 mm free" in x and "joints 0.00" in q for x, q in shown), typed
+                    assert REDRAWN.sub("", typed) == "0,10,20"
+                    os.write(terminal, b"\n")
+                    assert "'0,10,20' is not understood" in heard(terminal, 2)
+                    # an answer to the question that is asked again
+                    os.write(terminal, b"q\n")
+                    assert led.wait(20) == 1
+                finally:
+                    led.kill()
         finally:
             os.close(theirs)
             os.close(terminal)

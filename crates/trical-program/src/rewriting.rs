@@ -84,14 +84,7 @@ pub fn compensate(
         return Err(input(format!("no targets found; expected {}", dialect.expected())));
     }
     let mut known = std::mem::take(&mut scan.frames);
-    for (is_tool, name) in &scan.set_late {
-        let [now, before] = [&known, frames].map(|all| all.of(*is_tool).get(name));
-        if before.is_some() && before != now {
-            let what = if *is_tool { "tool" } else { "base" };
-            let why = format!("the program gives {what} {name} other numbers on its way than the controller's files");
-            known.of_mut(*is_tool).insert(name.clone(), Err(why));
-        }
-    }
+    refuse_set_late(&mut known, &scan, frames);
     known.or(frames);
     if dialect == Dialect::Csv {
         // a table declares nothing: these mean what they do in programs, where its user says nothing else
@@ -142,6 +135,18 @@ fn check_text(bytes: &[u8]) -> Result<(), String> {
         return Err(format!("is compensated already (it has the mark '{MARK} ...'); compensate the original instead"));
     }
     Ok(())
+}
+
+/// Refuses tools and bases that the program sets late, and to other numbers than the controller's files have.
+fn refuse_set_late(known: &mut Frames, scan: &Scan, frames: &Frames) {
+    for (is_tool, name) in &scan.set_late {
+        let [now, before] = [&*known, frames].map(|all| all.of(*is_tool).get(name));
+        if before.is_some() && before != now {
+            let what = if *is_tool { "tool" } else { "base" };
+            let why = format!("the program gives {what} {name} other numbers on its way than the controller's files");
+            known.of_mut(*is_tool).insert(name.clone(), Err(why));
+        }
+    }
 }
 
 /// Tools and frames of the program's setups that only other files declare, and products of frames.

@@ -63,6 +63,9 @@ const BY_SENSOR: [(&[u8], &str); 3] = [
     (b"RSI_MOVECORR", MOVES_BY_SENSOR),
     (b"ST_MOVESENS", MOVES_BY_SENSOR),
 ];
+/// Words that begin loops, and that end them.
+const LOOPS: [&[u8]; 4] = [b"LOOP", b"WHILE", b"FOR", b"REPEAT"];
+const LOOP_ENDS: [&[u8]; 4] = [b"ENDLOOP", b"ENDWHILE", b"ENDFOR", b"UNTIL"];
 /// Words that begin lines in which what looks like a call is none, or is made when something happens.
 const NO_STATEMENTS: [&[u8]; 10] =
     [b"DEF", b"DEFFCT", b"GLOBAL", b"EXT", b"EXTFCT", b"EXTP", b"EXTFCTP", b"INTERRUPT", b"TRIGGER", b"DEFDAT"];
@@ -272,11 +275,10 @@ impl<'a> Reader<'a> {
     /// WHILE is asked again where its loop ends.
     fn functions_ahead(&mut self, word: &[u8]) {
         let is = |words: &[&[u8]]| is_one_of(word, words);
-        if is(&[b"LOOP", b"WHILE", b"FOR", b"REPEAT"]) {
+        if is(&LOOPS) {
             self.conditions.push(is(&[b"WHILE"]).then_some(self.c));
         }
-        let ends_loop = is(&[b"ENDLOOP", b"ENDWHILE", b"ENDFOR", b"UNTIL"]);
-        let condition = if ends_loop { self.conditions.pop().flatten() } else { None };
+        let condition = if is(&LOOP_ENDS) { self.conditions.pop().flatten() } else { None };
         if !is(&NO_STATEMENTS) {
             self.functions_in(self.c);
         }
@@ -352,7 +354,7 @@ impl<'a> Reader<'a> {
             let routine = before_bracket(c);
             flow.interrupt(routine);
             names.runs_at_any_time(routine);
-        } else if is(&[b"LOOP", b"WHILE", b"FOR", b"REPEAT"]) {
+        } else if is(&LOOPS) {
             flow.repeat(from, now);
             names.fork(Fork::Repeats);
         } else if is(&[b"IF", b"SWITCH"]) {
@@ -361,7 +363,7 @@ impl<'a> Reader<'a> {
         } else if is(&[b"ELSE", b"CASE", b"DEFAULT"]) {
             flow.branch(now, !is(&[b"CASE"]));
             names.fork(Fork::Other);
-        } else if is(&[b"ENDIF", b"ENDSWITCH", b"ENDLOOP", b"ENDWHILE", b"ENDFOR", b"UNTIL"]) {
+        } else if is(&[b"ENDIF", b"ENDSWITCH"]) || is(&LOOP_ENDS) {
             names.end(flow.end(now));
         } else if c.peek() == b':' && begins_line(c.bytes, from) {
             // a label

@@ -462,10 +462,9 @@ impl Reader<'_> {
     fn source(&mut self, from: usize, word: &[u8], ends: &[u8]) -> Option<Origin> {
         let at = from as u32;
         self.c.skip_space();
-        let routine = hashed(word);
         match self.c.peek() {
             // what it returns is no target; what it does is read as any expression
-            b'(' if self.functions.get(&routine) == Some(&false) => None,
+            b'(' if self.functions.get(&hashed(word)) == Some(&false) => None,
             b'(' if self.joints_of_place(word) => Some(Origin::Here),
             b'(' => Some(match self.relative(word) {
                 Place::Name { name, way, .. } => {

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeSet, HashMap, HashSet};
 
-use super::{CURRENT, ELEMENTS, MOTIONS, TYPES, is_system};
+use super::{CURRENT, ELEMENTS, LOOP_ENDS, LOOPS, MOTIONS, TYPES, is_system};
 use crate::scan::{hashed, reached};
 use crate::scopes::Scopes;
 use crate::text::{Cursor, begins_line, is_one_of};
@@ -109,9 +109,8 @@ fn changed_data(bytes: &[u8]) -> HashSet<u64> {
     let mut c = Cursor::new(bytes, b';');
     while let Some((from, word)) = c.next_word() {
         if begins_line(bytes, from) {
-            loops += usize::from(is_one_of(word, &[b"LOOP", b"WHILE", b"FOR", b"REPEAT"]));
-            let ends = is_one_of(word, &[b"ENDLOOP", b"ENDWHILE", b"ENDFOR", b"UNTIL"]);
-            loops = loops.saturating_sub(usize::from(ends));
+            loops += usize::from(is_one_of(word, &LOOPS));
+            loops = loops.saturating_sub(usize::from(is_one_of(word, &LOOP_ENDS)));
             routines += usize::from(is_one_of(word, &[b"DEF", b"DEFFCT"]));
         }
         if c.peek() == b'.' && (loops > 0 || routines > 1) && !word.eq_ignore_ascii_case(b"FDAT_ACT") {

@@ -249,7 +249,7 @@ impl Names {
     pub fn end_of_file(&mut self) {
         let is_motion = |u: &Use| match u {
             Use::Named(k) => !matches!(self.motions.get(*k as usize), Some(Motion { way: Way::Said, .. })),
-            Use::Direct(visit) => !matches!(visit, Visit::Fork(_) | Visit::Like(_) | Visit::OnPath(_)),
+            Use::Direct(visit) => !visit.is_no_motion(),
             Use::Called(_) => false,
         };
         self.only_data = !self.uses.iter().any(is_motion);
@@ -495,6 +495,7 @@ impl Names {
         self.within.push(name);
         self.routines.entry(name).or_default();
         self.fork(Fork::Anywhere);
+        self.uses.push(Use::Direct(Visit::Routine(name as u32)));
     }
 
     /// A block ends here; a routine, where the program comes to what is behind it from anywhere.
@@ -502,6 +503,7 @@ impl Names {
         if fork == Some(Fork::Anywhere) {
             self.within.pop();
             self.in_handler = false;
+            self.uses.push(Use::Direct(Visit::Ends));
         }
         fork.into_iter().for_each(|f| self.fork(f));
     }

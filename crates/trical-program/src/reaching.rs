@@ -75,7 +75,7 @@ impl Definitions {
                 Fork::Closes => {
                     loops.extend(open.pop().filter(|(_, is_loop)| *is_loop).map(|(begin, _)| (begin, step)))
                 }
-                Fork::Other | Fork::Anywhere => {}
+                Fork::Other | Fork::Else | Fork::Anywhere => {}
             }
         }
         let element = |d: &Definition| if let Part::Element(k) = d.part { Some(k) } else { None };
@@ -217,7 +217,7 @@ impl Reaching {
     pub fn fork(&mut self, fork: Fork) {
         match fork {
             Fork::Opens | Fork::Repeats => self.open.push(HashMap::new()),
-            Fork::Other => {
+            Fork::Other | Fork::Else => {
                 for (name, ways) in self.open.last_mut().into_iter().flatten() {
                     let end = self.now.insert(*name, ways.before.clone()).flatten();
                     ways.past = either(ways.past.take(), end);

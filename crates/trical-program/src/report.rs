@@ -1,7 +1,7 @@
 //! What is told of a compensated program.
 
 use std::cmp::Ordering;
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 use serde_json::{Value, json};
 use trical_model::error::Lines;
@@ -406,6 +406,20 @@ impl<'a> Tally<'a> {
             "{place}: no joints of the arm have its T {t}, which the controller ignores on a path: the solution {status} is used; a motion to joint \
              values before it would define it"
         ))
+    }
+
+    /// Targets to which the program comes in several configurations, in one sentence.
+    pub fn otherwise(&mut self, spots: &BTreeSet<u32>) -> Option<String> {
+        let scan = self.scan;
+        let places = spots.iter().filter_map(|k| scan.spots.get(*k as usize));
+        let places: Vec<String> = places.map(|s| self.place(scan.at(s), scan.written(s).name)).collect();
+        (!places.is_empty()).then(|| {
+            format!(
+                "by how the program comes there (a branch, a loop, a call, other motions before), the arm reaches {} in several configurations \
+                 (shoulder, elbow, wrist), and is corrected for one of them; a motion to joint values before it would define it",
+                listed(places.into_iter())
+            )
+        })
     }
 
     /// Targets that nothing uses, in one sentence.

@@ -107,7 +107,16 @@ pub fn compensate(
     let is_unsaid = dialect != Dialect::Csv && options.tool.is_none() && options.frame.is_none();
     let unsaid = if is_unsaid { tally.unsaid() } else { None };
     let without_turn = walked.without_turn.and_then(|spot| tally.without_turn(spot));
-    let others = [unsaid, without_turn, tally.homes(), tally.absolutely_accurate(), tally.unused(), tally.only_read()];
+    let otherwise = tally.otherwise(&walked.otherwise);
+    let others = [
+        unsaid,
+        without_turn,
+        otherwise,
+        tally.homes(),
+        tally.absolutely_accurate(),
+        tally.unused(),
+        tally.only_read(),
+    ];
     let sags = options.payload_kg.is_none() && model.terms.iter().any(by_gravity);
     let loads = if sags { tally.loads() } else { None };
     let mut report = tally.report();

@@ -95,6 +95,20 @@ pub enum Visit {
     Unknown,
     /// No motion: the program need not come from the text above.
     Fork(Fork),
+    /// No motion: here begins a routine of the file, with half of its hashed name.
+    Routine(u32),
+    /// No motion: the routine ends that began last.
+    Ends,
+    /// A call of a routine of the file that moves the arm, as [`Self::Routine`].
+    Call(u32),
+}
+
+impl Visit {
+    /// Whether it says how the program goes, and moves nothing by itself.
+    #[must_use]
+    pub fn is_no_motion(&self) -> bool {
+        matches!(self, Self::Fork(_) | Self::Like(_) | Self::OnPath(_) | Self::Routine(_) | Self::Ends)
+    }
 }
 
 /// A motion to a place that is shifted against a target.
@@ -124,6 +138,8 @@ pub enum Fork {
     Opens,
     /// From where the first of them began: another branch.
     Other,
+    /// As [`Self::Other`], the branch that is taken where no other is.
+    Else,
     /// A loop begins: from above, or from its end.
     Repeats,
     /// From the end of any of them (or of the loop), or past them all.

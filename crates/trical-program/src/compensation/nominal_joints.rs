@@ -1,6 +1,8 @@
 //! One thread goes ahead through the program: the nominal arm's joints at every target.
 
-use std::collections::{HashMap, HashSet, VecDeque};
+mod ways;
+
+use std::collections::{BTreeSet, HashMap, HashSet, VecDeque};
 
 use trical_model::ik::{all_closest, continue_from, inverse_kinematics, nearest_solution};
 use trical_model::{Joints, MAX_JOINTS, Pose, State, Workspace};
@@ -10,6 +12,7 @@ use crate::branch::Configuration;
 use crate::literal::Meant;
 use crate::scan::{Fork, Near, Shift, Spot, Visit};
 use trical_recording::motion::MotionSense;
+use ways::{Block, Routine};
 
 /// Motions to shifted places that are looked at one by one, at most.
 pub const MOST_RELATIVE: usize = 1000;
@@ -37,6 +40,8 @@ pub struct Walked {
     /// The first target (an index into `Scan::spots`) whose turn no joints of the arm have, and which is taken all the same: the controller does
     /// not ask for it.
     pub without_turn: Option<u32>,
+    /// Targets (as above) to which the program comes in another configuration, too, than the one they are corrected for.
+    pub otherwise: BTreeSet<u32>,
 }
 
 /// Where the program's own target is, by the nominal arm, and how it is approached.
@@ -51,6 +56,8 @@ struct Walk<'a> {
     all: &'a Compensator<'a>,
     ws: Vec<(Workspace, Workspace)>,
     last: Joints,
+    /// Where else it may be, since ways come together.
+    others: Vec<Joints>,
     sense: MotionSense,
     /// Whether something told how it stands there.
     is_known: bool,
@@ -59,8 +66,11 @@ struct Walk<'a> {
     asked: HashSet<u32>,
     /// Joints at targets to which the program comes again: nothing before it was there, an error where there are none.
     again: HashMap<u32, Option<Result<Joints, ()>>>,
-    /// Of each branch that is open: before the first of them, and whether one moves the arm.
-    open: Vec<(MotionSense, Joints, bool)>,
+    open: Vec<Block>,
+    /// By half of their hashed names.
+    routines: HashMap<u32, Routine>,
+    /// Those that are being read, with where the arm was above each.
+    within: Vec<(u32, Vec<Joints>)>,
     /// Loops that move the arm.
     repeated: HashSet<usize>,
     walked: Walked,
@@ -71,35 +81,6 @@ fn unknown_sense() -> MotionSense {
 }
 
 impl Walk<'_> {
-    /// The program need not come from the text above: visit `index` says from where.
-    fn branch(&mut self, index: usize, fork: Fork) {
-        match fork {
-            Fork::Anywhere => {
-                self.sense = unknown_sense();
-                self.is_known = false;
-            }
-            Fork::Opens => self.open.push((self.sense.clone(), self.last, false)),
-            Fork::Repeats => {
-                self.open.push((self.sense.clone(), self.last, false));
-                if self.repeated.contains(&index) {
-                    self.sense = unknown_sense();
-                }
-            }
-            Fork::Other => {
-                if let Some((before, joints, moves)) = self.open.last_mut() {
-                    *moves |= self.sense != *before;
-                    self.sense.clone_from(before);
-                    self.last = *joints;
-                }
-            }
-            Fork::Closes => {
-                if self.open.pop().is_some_and(|(before, _, moves)| moves || self.sense != before) {
-                    self.sense = unknown_sense();
-                }
-            }
-        }
-    }
-
     fn go_near(&mut self, Near { spot, shift, at }: Near) {
         let (all, last) = (self.all, &self.last);
         let target = all.scan.spots.get(spot as usize);
@@ -110,6 +91,10 @@ impl Walk<'_> {
         };
         self.sense.push(&q);
         self.last = q;
+        let near = |last| target.and_then(|s| all.near(s, demanded, &shift, last, &mut self.ws));
+        let others: Vec<Joints> = self.others.iter().filter_map(near).collect();
+        self.others = self.elsewhere(&others);
+        self.moved_first(None);
         if self.walked.shifted.len() < MOST_RELATIVE {
             let start = Start { q, dir: self.sense.sense() };
             self.walked.shifted.push(Shifted { spot, at, shift, start });
@@ -148,6 +133,8 @@ impl Walk<'_> {
     /// The joints at a target are those of its first visit, which returns them; a target without a solution is passed over.
     fn go_to(&mut self, index: u32, spot: &Spot) -> Option<Result<Start, String>> {
         let known = self.again.get(&index).copied().flatten();
+        let by_way = self.is_decided_by_way(index, spot);
+        let from = if known.is_some() { self.here() } else { self.others.clone() };
         let (q, demanded) = match known {
             Some(Ok(q)) => (Ok(q), self.demanded(index)),
             Some(Err(())) => return None,
@@ -157,6 +144,9 @@ impl Walk<'_> {
             self.sense.push(q);
             self.last = *q;
             self.is_known |= spot.shape.is_joints() || demanded != Configuration::Free;
+            let others = if by_way { self.come_otherwise(index, q, &from) } else { Vec::new() };
+            self.others = self.elsewhere(&others);
+            self.moved_first(by_way.then_some((index, *q)));
         }
         if let Some(again) = self.again.get_mut(&index) {
             *again = Some(q.clone().map_err(drop));
@@ -180,12 +170,12 @@ impl Compensator<'_> {
                         *moves = true;
                     }
                 }
-                Visit::Fork(Fork::Other) | Visit::Like(_) | Visit::OnPath(_) => {}
-                Visit::Fork(Fork::Anywhere) | Visit::To(_) | Visit::Near(_) | Visit::Unknown => {
+                Visit::Fork(Fork::Anywhere) | Visit::To(_) | Visit::Near(_) | Visit::Unknown | Visit::Call(_) => {
                     if let Some((_, moves)) = open.last_mut() {
                         *moves = true;
                     }
                 }
+                _ => {}
             }
         }
         moving
@@ -245,6 +235,9 @@ impl Compensator<'_> {
             asked: self.asked(),
             again: again.into_iter().map(|spot| (spot, None)).collect(),
             open: Vec::new(),
+            routines: HashMap::new(),
+            within: Vec::new(),
+            others: Vec::new(),
             repeated: self.moving_loops(),
             walked: Walked::default(),
         };
@@ -254,6 +247,7 @@ impl Compensator<'_> {
         let visits = &self.scan.visits;
         let seed = self.scan.first_seed().unwrap_or(0);
         let order = (seed..visits.len()).chain(0..seed);
+        visits.iter().take(seed).for_each(|visit| walk.above(visit));
         walk.on_path =
             visits.iter().take(seed).rev().find_map(|v| if let Visit::OnPath(is) = v { Some(*is) } else { None })
                 == Some(true);
@@ -264,10 +258,15 @@ impl Compensator<'_> {
             }
             // of a target that no motion names its own configuration is all that is known
             walk.on_path &= index < visits.len();
+            if index >= visits.len() {
+                walk.others.clear();
+            }
             if index == 0 {
                 // whence, nobody knows
                 walk.sense = unknown_sense();
                 walk.open.clear();
+                walk.within.clear();
+                walk.others.clear();
             }
             while let Some(Some(_)) = waiting.get(known) {
                 known += 1;
@@ -279,9 +278,13 @@ impl Compensator<'_> {
             match visit {
                 Visit::Unknown => walk.sense = unknown_sense(),
                 Visit::Fork(fork) => walk.branch(index, fork),
+                Visit::Routine(routine) => walk.begin(routine),
+                Visit::Ends => walk.end(),
+                Visit::Call(routine) => walk.call(routine),
                 Visit::Like(k) => {
                     walk.last = self.scan.nearest.get(k as usize).copied().unwrap_or(walk.last);
                     walk.is_known = true;
+                    walk.others.clear();
                 }
                 Visit::OnPath(is) => walk.on_path = is,
                 Visit::Near(k) => self.scan.near.get(k as usize).into_iter().for_each(|near| walk.go_near(*near)),

@@ -572,7 +572,7 @@ impl Active {
             Fork::Opens | Fork::Repeats => self.depth += 1,
             Fork::Closes => self.depth = self.depth.saturating_sub(1),
             Fork::Anywhere => self.numbers.clone_from(&self.only),
-            Fork::Other => {}
+            Fork::Other | Fork::Else => {}
         }
     }
 
@@ -598,7 +598,7 @@ fn fork(upper: &[u8]) -> Option<Fork> {
     let word = upper.split(|b| !b.is_ascii_alphabetic()).next().unwrap_or_default();
     match word {
         b"LBL" => Some(Fork::Anywhere),
-        b"ELSE" => Some(Fork::Other),
+        b"ELSE" => Some(Fork::Else),
         b"ENDIF" => Some(Fork::Closes),
         b"IF" if has(upper, b"THEN") => Some(Fork::Opens),
         b"FOR" => Some(Fork::Repeats),

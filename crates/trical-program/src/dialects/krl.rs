@@ -361,8 +361,9 @@ impl<'a> Reader<'a> {
             flow.branches(now, is(&[b"IF"]));
             names.fork(Fork::Opens);
         } else if is(&[b"ELSE", b"CASE", b"DEFAULT"]) {
-            flow.branch(now, !is(&[b"CASE"]));
-            names.fork(Fork::Other);
+            let is_last = !is(&[b"CASE"]);
+            flow.branch(now, is_last);
+            names.fork(if is_last { Fork::Else } else { Fork::Other });
         } else if is(&[b"ENDIF", b"ENDSWITCH"]) || is(&LOOP_ENDS) {
             names.end(flow.end(now));
         } else if c.peek() == b':' && begins_line(c.bytes, from) {

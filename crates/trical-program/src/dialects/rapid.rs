@@ -325,8 +325,10 @@ impl Reader<'_> {
             self.conditions += usize::from(!mentions(self.c.clone().until(b";"), b"THEN"));
         } else if is(&[b"test"]) {
             self.names.fork(Fork::Opens);
-        } else if is(&[b"elseif", b"else", b"case", b"default"]) {
+        } else if is(&[b"elseif", b"case"]) {
             self.names.fork(Fork::Other);
+        } else if is(&[b"else", b"default"]) {
+            self.names.fork(Fork::Else);
         } else if is(&[b"endif", b"endtest", b"endfor", b"endwhile"]) {
             self.names.fork(Fork::Closes);
         } else {

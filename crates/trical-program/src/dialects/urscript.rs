@@ -230,8 +230,9 @@ impl<'a> Reader<'a> {
                 names.fork(Fork::Opens);
             }
             b"elif" | b"else" => {
-                flow.branch(now, word == b"else");
-                names.fork(Fork::Other);
+                let is_last = word == b"else";
+                flow.branch(now, is_last);
+                names.fork(if is_last { Fork::Else } else { Fork::Other });
             }
             b"end" => {
                 names.end(flow.end(now));

@@ -29,8 +29,8 @@ impl Names {
                     // one that is repeated is no longer one
                     if begin.is_some() { 2 * motions } else { motions }
                 }
-                Use::Direct(Visit::Fork(Fork::Other) | Visit::Like(_) | Visit::OnPath(_)) => 0,
                 Use::Direct(Visit::Fork(Fork::Anywhere)) => 2,
+                Use::Direct(visit) if visit.is_no_motion() => 0,
                 Use::Direct(_) => 1,
                 Use::Called(k) => {
                     let Some((name, elsewhere)) = self.calls.get(*k as usize) else { continue };
@@ -83,24 +83,25 @@ impl Names {
                 Use::Called(k) => {
                     let Some((name, elsewhere)) = self.calls.get(k as usize).copied() else { continue };
                     definitions.call(name);
-                    let moves = if self.routines.contains_key(&name) { moving.contains(&name) } else { elsewhere };
+                    let is_here = self.routines.contains_key(&name);
+                    let moves = if is_here { moving.contains(&name) } else { elsewhere };
                     scan.visits.extend(moves.then_some(Visit::Fork(Fork::Anywhere)));
+                    scan.visits.extend((moves && is_here).then_some(Visit::Call(name as u32)));
                 }
                 Use::Named(k) => {
                     let Some(Motion { name, setup, way, at }) = self.motions.get(k as usize).copied() else { continue };
                     let problem = || elsewhere(Cursor::at(bytes, at as usize, 0).word());
                     let itself = || vec![Meant { name, setup, is_shifted: false }];
                     let all = self.meant.get(&(name, setup)).cloned().unwrap_or_else(itself);
-                    let are_several = all.len() > 1;
-                    scan.visits.extend(are_several.then_some(Visit::Fork(Fork::Opens)));
-                    for Meant { name, setup, is_shifted } in all {
-                        scan.visits.extend(are_several.then_some(Visit::Fork(Fork::Other)));
+                    let count = all.len();
+                    for (k, Meant { name, setup, is_shifted }) in all.into_iter().enumerate() {
+                        scan.visits.extend(one_of(k, count));
                         let way = if is_shifted { Way::Computed } else { way };
                         let is_any = matches!(way, Way::Said) || set_at_any_time.contains(&name);
                         let met = if is_any { None } else { definitions.met(name, way.element()) };
                         self.goes_to(name, met, (setup, way), at, scan, &problem);
                     }
-                    scan.visits.extend(are_several.then_some(Visit::Fork(Fork::Closes)));
+                    scan.visits.extend(one_of(count, count));
                 }
             }
         }
@@ -236,18 +237,12 @@ impl Names {
         }
         let mut groups = met.unwrap_or_else(|| self.all(name).collect());
         groups.retain(|group| self.may_be(*group, way));
-        match groups[..] {
-            [] => scan.visits.push(Visit::Unknown),
-            [one] => self.visit_group(one, setup, way, at, scan),
-            _ => {
-                scan.visits.push(Visit::Fork(Fork::Opens));
-                for group in &groups {
-                    scan.visits.push(Visit::Fork(Fork::Other));
-                    self.visit_group(*group, setup, way, at, scan);
-                }
-                scan.visits.push(Visit::Fork(Fork::Closes));
-            }
+        scan.visits.extend(groups.is_empty().then_some(Visit::Unknown));
+        for (k, group) in groups.iter().enumerate() {
+            scan.visits.extend(one_of(k, groups.len()));
+            self.visit_group(*group, setup, way, at, scan);
         }
+        scan.visits.extend(one_of(groups.len(), groups.len()));
         !groups.is_empty()
     }
 
@@ -292,4 +287,15 @@ impl Names {
             _ => scan.visits.push(Visit::Unknown),
         }
     }
+}
+
+/// What stands before way `k` of several of which the program takes one, and behind the last of them.
+fn one_of(k: usize, count: usize) -> Option<Visit> {
+    let fork = match k {
+        0 => Fork::Opens,
+        _ if k == count => Fork::Closes,
+        _ if k + 1 == count => Fork::Else,
+        _ => Fork::Other,
+    };
+    (count > 1).then_some(Visit::Fork(fork))
 }

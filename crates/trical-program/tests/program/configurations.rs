@@ -1,7 +1,8 @@
 //! Configurations and turns in the text: they choose the branch, and are rewritten where a joint crosses them.
 
-use trical_model::Model;
+use trical_model::ik::inverse_kinematics;
 use trical_model::pose::angles_zyx;
+use trical_model::{Forward, MAX_JOINTS, Model, State};
 use trical_program::{Dialect, Frames};
 
 use crate::fixtures::{IRB, KR6, LR, UR5E, device, flange, mm, nominal, numbers, pose, quadrant, quaternion, real};
@@ -80,6 +81,50 @@ fn a_routine_above_the_program_and_a_further_branch_are_met_as_the_program_leave
             report.rows.iter().find(|r| text.lines().nth(r.line - 1).is_some_and(|l| l.starts_with("movel"))).unwrap();
         let apart = row.joints.iter().zip(q).map(|(a, b)| (a - f64::to_radians(b)).abs()).fold(0.0, f64::max);
         assert!(apart < 0.05, "{text}: {:?}", row.joints);
+    }
+}
+
+#[test]
+fn a_pose_that_the_arm_reaches_in_several_configurations_is_named() {
+    let n = nominal(UR5E);
+    let q = [10.0, -78.0, 62.0, -40.0, 60.0, -30.0].map(f64::to_radians);
+    let arm = Forward::new(n.clone(), vec![]).unwrap();
+    let mut ws = arm.workspace();
+    let mut near = [0.0; MAX_JOINTS];
+    near[..6].copy_from_slice(&q);
+    let all =
+        inverse_kinematics(&arm, &arm.world_from_tool(&State::at(&near), &mut ws), &State::at(&near), &mut ws).unwrap();
+    let flipped = all.iter().map(|s| s.joints).find(|j| j[4] < -0.5 && j[2] > 0.0).unwrap();
+    let joints =
+        |q: &[f64]| format!("movej([{}])\n", q[..6].iter().map(|q| format!("{q:.8}")).collect::<Vec<_>>().join(","));
+    let (as_it_is, otherwise) = (joints(&q), joints(&flipped));
+    let p = flange(&n, &q.map(f64::to_degrees)).compose(&device());
+    let (v, t) = (trical_model::pose::rotation_vector(&p.rotation), &p.translation);
+    let place = format!("p[{:.8},{:.8},{:.8},{:.9},{:.9},{:.9}]", t.x, t.y, t.z, v.x, v.y, v.z);
+    let linear = format!("movel({place})\n");
+    // A, F: to joints in either configuration; L: to the pose
+    for (text, is_named, is_flipped) in [
+        ("A if b:\n F end\n L", true, true),
+        ("A if b:\n L end\n L", false, false),
+        ("A if b:\n F else:\n F end\n L", false, true),
+        ("A if b:\n F else:\n A end\n L", true, false),
+        ("A while b:\n L F end\n", true, false),
+        ("A while b:\n L A end\n", false, false),
+        ("def main():\n def go():\n F end\n A go()\n L end\n", false, true),
+        ("def main():\n def go():\n L end\n A go()\n F go()\n end\n", true, false),
+        ("def main():\n def go():\n L end\n A go()\n A go()\n end\n", false, false),
+        ("A go()\n F go()\n def go():\n L end\n", true, false),
+        ("wp=@\n A movel(wp)\n F movel(wp)\n", true, false),
+        ("wp=@\n A movel(wp)\n A movel(wp)\n", false, false),
+    ] {
+        let program = text.replace('A', &as_it_is).replace('F', &otherwise).replace('L', &linear).replace(' ', "");
+        let program =
+            program.replace('@', &place).replace("def", "def ").replace("if", "if ").replace("while", "while ");
+        let (_, report) = run(program.as_bytes(), Dialect::UrScript, &n, &real(&n), &Frames::default());
+        let row = report.rows.iter().find(|r| !program.lines().nth(r.line - 1).unwrap().starts_with("movej")).unwrap();
+        let named: Vec<_> = report.cautions.iter().filter(|c| c.contains("in several configurations")).collect();
+        assert_eq!((!named.is_empty(), row.joints[4] < 0.0), (is_named, is_flipped), "{program}{:?}", report.cautions);
+        assert!(named.iter().all(|c| c.contains(&format!("line {}", row.line))), "{named:?}");
     }
 }
 

@@ -493,10 +493,10 @@ impl Finding {
         self.confidence >= LIKELY
     }
 
-    /// Whether it takes little of the error and its name is likelier wrong than right.
+    /// Whether it takes little of the error, and neither its name nor its family is sure.
     #[must_use]
     pub fn is_small_and_unsure(&self) -> bool {
-        self.share < SMALL_SHARE && !self.is_likely()
+        self.share < SMALL_SHARE && self.confidence.max(self.family_confidence) < SURE
     }
 
     /// Whether its name is told however little it takes off the error.

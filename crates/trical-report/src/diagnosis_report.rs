@@ -23,7 +23,7 @@ use self::coefficients::coefficients;
 
 pub use self::against::{Against, against};
 
-/// Most findings that are told one by one, with figures; those that take less of the error are in one table.
+/// Most findings that are told one by one, with figures; the others are in one table.
 const SHOWN: usize = 12;
 
 /// Findings whose coefficients are written out; a curve has more.
@@ -203,16 +203,19 @@ fn chained(start: f64, mut steps: Vec<(String, f64, f64)>) -> Vec<(String, f64)>
     out
 }
 
-/// Findings in a row each, with the evidence, from the one with this number on.
-fn findings_table(d: &Diagnosis, first: usize, findings: &[Finding]) -> Vec<Vec<String>> {
+/// A finding with its number, from 1.
+type Numbered<'a> = (usize, &'a Finding);
+
+/// Findings in a row each, with the evidence.
+fn findings_table(d: &Diagnosis, findings: &[Numbered<'_>]) -> Vec<Vec<String>> {
     let mut rows = vec![row(["finding", "probability", "lambda", "error before, mm", "after, mm", "could also be"])];
     let decimals = verdict_summary::decimals(d);
-    for (k, f) in findings.iter().enumerate() {
+    for (k, f) in findings {
         let [before, after] = [f.evidence.holdout_rms_before_mm, f.evidence.holdout_rms_after_mm];
         let [before, after] = [before, after].map(|mm| format!("{mm:.decimals$}"));
         let after = if after == before { "unchanged".to_owned() } else { after };
         rows.push(vec![
-            format!("{}. {}", first + k, verdict::heading(f)),
+            format!("{k}. {}", verdict::heading(f)),
             format!("{:.0} %", f.confidence * 100.0),
             format!("{:.1}", f.lambda),
             before,
@@ -220,40 +223,45 @@ fn findings_table(d: &Diagnosis, first: usize, findings: &[Finding]) -> Vec<Vec<
             rivals(f),
         ]);
     }
-    if findings.iter().all(|f| f.rivals.is_empty()) {
+    if findings.iter().all(|(_, f)| f.rivals.is_empty()) {
         rows.iter_mut().for_each(|r| r.truncate(r.len() - 1));
     }
     rows
 }
 
-/// Findings that are told one by one, and those behind them that are not: beyond [`SHOWN`], or small and unsure to the last. One is told at
-/// any rate.
-fn largest_and_smaller(d: &Diagnosis) -> (&[Finding], &[Finding]) {
-    let shown = d.findings.len().min(SHOWN);
-    let last = d.findings[..shown].iter().rposition(|f| !f.is_small_and_unsure());
-    d.findings.split_at(last.map_or(shown.min(1), |last| last + 1))
+/// Findings that are told one by one, at most [`SHOWN`], and the others. One is told at any rate.
+fn told_and_more(d: &Diagnosis) -> (Vec<Numbered<'_>>, Vec<Numbered<'_>>) {
+    let all = (1..).zip(&d.findings);
+    let (mut told, mut more): (Vec<_>, Vec<_>) = all.partition(|(k, f)| !f.is_small_and_unsure() || is_only(d, *k));
+    more.extend(told.drain(told.len().min(SHOWN)..));
+    more.sort_unstable_by_key(|(k, _)| *k);
+    (told, more)
 }
 
-/// Findings beyond those that are told one by one, where each is and how large.
-fn smaller_findings(d: &Diagnosis) -> Option<Section> {
-    let (largest, smaller) = largest_and_smaller(d);
-    if smaller.is_empty() {
+/// Whether this is the first of findings that are all small and unsure.
+fn is_only(d: &Diagnosis, number: usize) -> bool {
+    number == 1 && d.findings.iter().all(Finding::is_small_and_unsure)
+}
+
+/// Findings that are not told one by one, where each is and how large.
+fn more_findings(d: &Diagnosis) -> Option<Section> {
+    let (_, more) = told_and_more(d);
+    if more.is_empty() {
         return None;
     }
-    let first = largest.len() + 1;
-    let mut section = Section::new(table::counted(smaller.len(), "smaller finding"))
-        .with_tables([findings_table(d, first, smaller)])
+    let mut section = Section::new(format!("{}, small or unsure", table::counted(more.len(), "more finding")))
+        .with_tables([findings_table(d, &more)])
         .folded(true);
-    section.after = (first..).zip(smaller).map(|(k, f)| format!("{k}. {}", located(f, d))).collect();
+    section.after = more.iter().map(|(k, f)| format!("{k}. {}", located(f, d))).collect();
     Some(section)
 }
 
-/// Findings with the evidence, the largest in a row each, and where they are on the arm.
+/// Findings with the evidence, the main ones in a row each, and where they are on the arm.
 fn all_findings(d: &Diagnosis) -> Result<Section> {
     let decimals = verdict_summary::decimals(d);
-    let (largest, smaller) = largest_and_smaller(d);
-    let heading = if smaller.is_empty() { "All findings" } else { "The largest findings" };
-    let mut section = Section::new(heading).with_tables([findings_table(d, 1, largest)]);
+    let (told, more) = told_and_more(d);
+    let heading = if more.is_empty() { "All findings" } else { "The main findings" };
+    let mut section = Section::new(heading).with_tables([findings_table(d, &told)]);
     section.text.push(
         "Lambda is the size of the effect in this data, in standard deviations of the noise: 3 is just visible. The errors \
          are at poses that the fit did not see, just before this finding was added to the model and just after; the verdict sorts \
@@ -263,7 +271,7 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
     section.figures.push(Figure::new(
         "The arm from the side at one of the measured poses. Places where something was found are red: the more of the error it explains, the redder. \
          Numbers in circles are joints.",
-        arm_map::draw(d, &largest.iter().map(verdict::heading).collect::<Vec<_>>())?,
+        arm_map::draw(d, &told.iter().map(|(_, f)| verdict::heading(f)).collect::<Vec<_>>())?,
     ));
     // findings and nameless curves, in the order in which they were added
     let named = d
@@ -491,10 +499,10 @@ pub fn render(d: &Diagnosis, source: JointSource, mut made: Made) -> Result<Stri
     if !d.findings.is_empty() {
         sections.push(all_findings(d)?);
     }
-    for (k, f) in largest_and_smaller(d).0.iter().enumerate() {
-        sections.push(finding_section(k + 1, f, d)?);
+    for (k, f) in told_and_more(d).0 {
+        sections.push(finding_section(k, f, d)?);
     }
-    sections.extend(smaller_findings(d));
+    sections.extend(more_findings(d));
     sections.extend(nameless(d)?);
     sections.push(errors.section()?.folded(true));
     sections.push(errors.by_joint()?.folded(true));

@@ -98,35 +98,45 @@ fn steps_follow_each_other_also_where_one_of_them_makes_the_error_larger() {
 }
 
 #[test]
-fn of_many_findings_the_largest_are_told_one_by_one_and_the_others_in_one_section() {
+fn of_many_findings_twelve_are_told_one_by_one_and_the_others_in_one_section() {
     let mut d = crate::test_data::diagnosis();
     let one = d.findings[0].clone();
     let said = |d: &Diagnosis| {
-        let (all, smaller) = (all_findings(d).unwrap(), smaller_findings(d));
+        let (all, smaller) = (all_findings(d).unwrap(), more_findings(d));
         (all.heading, all.tables[0].len() - 1, smaller.map(|s| (s.heading, s.tables[0].len() - 1, s.after)))
     };
     d.findings = vec![one.clone(); SHOWN];
     assert_eq!(said(&d), ("All findings".to_owned(), SHOWN, None));
     d.findings.push(one);
     let (heading, largest, smaller) = said(&d);
-    assert_eq!((heading.as_str(), largest), ("The largest findings", SHOWN));
+    assert_eq!((heading.as_str(), largest), ("The main findings", SHOWN));
     let (heading, rows, each) = smaller.unwrap();
-    assert_eq!((heading.as_str(), rows, each.len()), ("1 smaller finding", 1, 1));
+    assert_eq!((heading.as_str(), rows, each.len()), ("1 more finding, small or unsure", 1, 1));
     assert!(each[0].starts_with(&format!("{}. Changes sign with", SHOWN + 1)), "{each:?}");
 }
 
 #[test]
-fn behind_the_last_finding_that_is_of_some_size_or_likely_all_are_in_one_section() {
+fn findings_that_are_small_and_of_no_sure_family_are_in_one_section() {
     let mut d = crate::test_data::diagnosis();
-    let of = |(share, confidence)| Finding { share, confidence, ..d.findings[0].clone() };
-    let large_unsure = of((0.2, 0.3));
-    let small_sure = of((0.001, 0.9));
-    let small_unsure = of((0.001, 0.3));
+    let of = |(share, confidence, family_confidence)| Finding {
+        share,
+        confidence,
+        family_confidence,
+        ..d.findings[0].clone()
+    };
+    let large_unsure = of((0.2, 0.3, 0.3));
+    let small_sure = of((0.001, 0.9, 0.9));
+    let of_sure_family = of((0.001, 0.6, 0.9));
+    let small_unsure = of((0.001, 0.6, 0.7));
     let mut told = |findings: &[&Finding]| {
         d.findings = findings.iter().map(|f| (*f).clone()).collect();
-        (all_findings(&d).unwrap().tables[0].len() - 1, smaller_findings(&d).map(|s| s.tables[0].len() - 1))
+        let numbers = |s: Section| {
+            s.tables[0][1..].iter().map(|r| r[0].split_once('.').unwrap().0.to_owned()).collect::<String>()
+        };
+        (numbers(all_findings(&d).unwrap()), more_findings(&d).map(numbers).unwrap_or_default())
     };
-    assert_eq!(told(&[&large_unsure, &small_unsure, &small_sure, &small_unsure, &small_unsure]), (3, Some(2)));
-    assert_eq!(told(&[&small_unsure, &large_unsure]), (2, None));
-    assert_eq!(told(&[&small_unsure, &small_unsure]), (1, Some(1)), "a page tells one at any rate");
+    let said = |told: &str, more: &str| (told.to_owned(), more.to_owned());
+    assert_eq!(told(&[&large_unsure, &small_unsure, &small_sure, &small_unsure, &of_sure_family]), said("135", "24"));
+    assert_eq!(told(&[&small_unsure, &large_unsure]), said("2", "1"));
+    assert_eq!(told(&[&small_unsure, &small_unsure]), said("1", "2"), "a page tells one at any rate");
 }

@@ -271,7 +271,7 @@ fn all_findings(d: &Diagnosis) -> Result<Section> {
     section.figures.push(Figure::new(
         "The arm from the side at one of the measured poses. Places where something was found are red: the more of the error it explains, the redder. \
          Numbers in circles are joints.",
-        arm_map::draw(d, &told.iter().map(|(_, f)| verdict::heading(f)).collect::<Vec<_>>())?,
+        arm_map::draw(d, &told.iter().map(|(k, f)| (*k, verdict::heading(f))).collect::<Vec<_>>())?,
     ));
     // findings and nameless curves, in the order in which they were added
     let named = d

@@ -133,7 +133,12 @@ fn findings_that_are_small_and_of_no_sure_family_are_in_one_section() {
         let numbers = |s: Section| {
             s.tables[0][1..].iter().map(|r| r[0].split_once('.').unwrap().0.to_owned()).collect::<String>()
         };
-        (numbers(all_findings(&d).unwrap()), more_findings(&d).map(numbers).unwrap_or_default())
+        let main = all_findings(&d).unwrap();
+        let beside_the_arm = main.figures[0].svg.matches("<li value=").count();
+        assert_eq!(beside_the_arm, main.tables[0].len() - 1);
+        let of_last = format!("<li value=\"{}\">", main.tables[0].last().unwrap()[0].split_once('.').unwrap().0);
+        assert!(main.figures[0].svg.contains(&of_last), "{of_last}");
+        (numbers(main), more_findings(&d).map(numbers).unwrap_or_default())
     };
     let said = |told: &str, more: &str| (told.to_owned(), more.to_owned());
     assert_eq!(told(&[&large_unsure, &small_unsure, &small_sure, &small_unsure, &of_sure_family]), said("135", "24"));

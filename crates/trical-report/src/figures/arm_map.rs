@@ -75,8 +75,8 @@ fn dot_of(site: &Place, last: usize) -> Option<usize> {
     }
 }
 
-/// The arm from the side, with the guilty places marked, and beside it (on a telephone below) the first findings by their headings.
-pub fn draw(d: &Diagnosis, headings: &[String]) -> Result<String> {
+/// The arm from the side, with the guilty places marked, and beside it (on a telephone below) the main findings by their numbers and headings.
+pub fn draw(d: &Diagnosis, headings: &[(usize, String)]) -> Result<String> {
     const WIDE: f64 = 270.0;
     const HIGHEST: f64 = 300.0;
     let mut flat = from_the_side(&places(d)?);
@@ -134,8 +134,8 @@ pub fn draw(d: &Diagnosis, headings: &[String]) -> Result<String> {
     // over all circles
     svg += &names;
     svg += "</svg><ol>";
-    for heading in headings {
-        let _ = write!(svg, "<li>{}</li>", escaped(heading));
+    for (number, heading) in headings {
+        let _ = write!(svg, "<li value=\"{number}\">{}</li>", escaped(heading));
     }
     svg += "</ol>";
     let more = d.findings.len().saturating_sub(headings.len());

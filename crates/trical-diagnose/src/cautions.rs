@@ -6,8 +6,8 @@ use trical_ident::dataset::readings::Scatter;
 use trical_ident::date::newest;
 use trical_ident::error::Result;
 use trical_ident::fit::cautions::{EVEN_MASSES, cautions, listed, shared_errors, too_many, without_masses};
+use trical_ident::fit::choice::Choice;
 use trical_ident::fit::folds::Folds;
-use trical_ident::fit::identifiability::Choice;
 use trical_ident::fit::identify::ErrorSummary;
 use trical_model::{Model, Robot};
 

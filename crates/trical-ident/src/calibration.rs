@@ -21,8 +21,9 @@ use crate::fit::cautions::{
     EVEN_MASSES, beyond_limits, cautions, coincident, held, loads_left_out, near_nominal, no_arm, odd_units,
     shared_errors, too_many, which_target, without_masses,
 };
+use crate::fit::choice::{Choice, Elasticity, OwnSetup, ParameterSet, measured_torques};
 use crate::fit::folds::Folds;
-use crate::fit::identifiability::{Choice, Dependent, Elasticity, OwnSetup, ParameterSet, measured_torques};
+use crate::fit::identifiability::Dependent;
 use crate::fit::identify::{ErrorSummary, Identified, identify};
 use crate::fit::orientation::{AngleSummary, orientation};
 use crate::fit::read_otherwise::read_otherwise;

@@ -4,7 +4,8 @@ use trical_model::{Cell, MAX_JOINTS, Measured, Model, Recording, Robot, Row, Sta
 
 use crate::dataset::{Dataset, JointSource};
 use crate::error::{IdentError, Result};
-use crate::fit::identifiability::{Choice, ParameterSet, independent_terms};
+use crate::fit::choice::{Choice, ParameterSet};
+use crate::fit::identifiability::independent_terms;
 
 /// The nominal model with the parameters of a set that touches of its balls can tell apart, their values zero.
 ///

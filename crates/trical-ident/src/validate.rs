@@ -12,8 +12,8 @@ use trical_model::{Cell, Forward, Measured, Model, Recording, Robot, Support, Va
 use crate::dataset::{Dataset, JointSource, Observation, Rejected};
 use crate::error::Result;
 use crate::fit::ball_places::{self, place_of, training_poses};
+use crate::fit::choice::{Choice, OwnSetup, ParameterSet};
 use crate::fit::degenerate::{hardly_moving, little};
-use crate::fit::identifiability::{Choice, OwnSetup, ParameterSet};
 use crate::fit::identify::{ErrorSummary, identify};
 use crate::fit::orientation::{AngleSummary, orientation};
 use crate::fit::residuals::position_errors;

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
-use trical_ident::fit::identifiability::ParameterSet;
+use trical_ident::fit::choice::ParameterSet;
 use trical_ident::rigid::rigid_from_points;
 use trical_ident::touches::model_of_touches;
 use trical_model::ik::nearest_solution;

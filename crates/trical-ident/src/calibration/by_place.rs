@@ -10,7 +10,7 @@ use trical_model::{Cell, Forward, Measured, Model, Robot, Site};
 use crate::dataset::{Dataset, Observation};
 use crate::error::Result;
 use crate::fit::ball_places::{self, BallPlace, place_of, terms, training_poses, unknown_places};
-use crate::fit::identifiability::{Choice, ParameterSet};
+use crate::fit::choice::{Choice, ParameterSet};
 use crate::fit::identify::{ErrorSummary, Fit, identify, refit};
 use crate::fit::initial_guess::initial_guess_of_sessions;
 use crate::fit::residuals::position_errors;

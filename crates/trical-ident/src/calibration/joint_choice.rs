@@ -4,8 +4,8 @@ use trical_model::{Cell, Recording, Robot};
 
 use crate::dataset::{Dataset, JointSource};
 use crate::error::Result;
+use crate::fit::choice::ParameterSet;
 use crate::fit::gross_errors::reject_gross_errors;
-use crate::fit::identifiability::ParameterSet;
 use crate::fit::identify::identify;
 use crate::fit::stuck_stems::refuse_stuck_stems;
 use crate::rigid::median;

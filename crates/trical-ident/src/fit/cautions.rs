@@ -5,8 +5,8 @@ use trical_model::{
 };
 
 use crate::dataset::Dataset;
+use crate::fit::choice::{Elasticity, NEAR_PARALLEL, measured_torques};
 use crate::fit::degenerate::hardly_moving;
-use crate::fit::identifiability::{Elasticity, NEAR_PARALLEL, measured_torques};
 use crate::fit::weak_priors::SOFTEST;
 
 /// A base farther from where the cell file has it is more likely a mistake than a measurement, m and rad.

@@ -5,7 +5,7 @@ use trical_model::{Cell, Forward, Measured, Robot, Workspace};
 use crate::dataset::sample::sample;
 use crate::dataset::{Dataset, Observation};
 use crate::error::{IdentError, Result};
-use crate::fit::identifiability::{Choice, OwnSetup, ParameterSet};
+use crate::fit::choice::{Choice, OwnSetup, ParameterSet};
 use crate::fit::identify::{manner, prepared};
 use crate::fit::levenberg_marquardt::{LmParams, Solver};
 use crate::fit::noise::Noise;

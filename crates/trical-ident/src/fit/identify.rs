@@ -10,12 +10,12 @@ use crate::dense::{Cholesky, Mat};
 use crate::error::{IdentError, Result};
 use crate::fit::ball_places;
 use crate::fit::cautions::beyond_limits;
+use crate::fit::choice::{Choice, optional_groups};
 use crate::fit::degenerate::{
     check_balls, check_poses, check_units, check_values, different_numbers, different_poses, resting_joints,
 };
 use crate::fit::identifiability::{
-    Choice, Dependent, Observability, covariance, independent_terms, indices, optional_groups, r_factor,
-    weakest_direction,
+    Dependent, Observability, covariance, independent_terms, indices, r_factor, weakest_direction,
 };
 use crate::fit::initial_guess::initial_guess;
 use crate::fit::levenberg_marquardt::{Ended, Factored, LmParams, LmReport, Solver};

@@ -7,7 +7,8 @@
 //! | [`residuals`], `normal_equations`, [`levenberg_marquardt`] | weighted rows, their sums, and the solver that minimizes them |
 //! | [`noise`] | standard deviations of what was measured |
 //! | [`priors`], [`weak_priors`] | what is known of parameters beforehand: said by the user; how far from nominal an arm can plausibly be |
-//! | [`identifiability`], [`rank`] | parameter sets, covariance, observability; which columns are sums of others |
+//! | [`choice`] | parameter sets, and their terms |
+//! | [`identifiability`], [`rank`] | which terms are independent, covariance, observability; which columns are sums of others |
 //! | `optional_terms`, [`ball_places`] | terms of which the measurements decide; places of sets of balls |
 //! | [`gross_errors`], [`stuck_stems`], [`read_otherwise`] | measurements that no model of the arm explains |
 //! | [`degenerate`], [`cautions`] | data that cannot be fitted; what about a fit should make its owner look twice |
@@ -17,6 +18,7 @@
 
 pub mod ball_places;
 pub mod cautions;
+pub mod choice;
 pub mod degenerate;
 pub(crate) mod design_effect;
 pub mod folds;

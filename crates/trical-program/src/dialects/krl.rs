@@ -102,6 +102,7 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
             elsewhere,
             constants: Constants::with_integers(),
             now: Setup::default(),
+            active: None,
             spline: None,
             on_path: false,
             flow,
@@ -190,6 +191,8 @@ struct Reader<'a> {
     constants: Constants,
     /// Tool and base at this place of the program.
     now: Setup,
+    /// What `FDAT_ACT` says of them since the last branch, which `BAS(#CP_PARAMS,...)` sets again.
+    active: Option<Setup>,
     /// Before the spline that the program is in.
     spline: Option<Setup>,
     /// Whether the last motion went along a path.
@@ -266,6 +269,8 @@ impl<'a> Reader<'a> {
                 self.c.skip_line();
             } else if before.eq_ignore_ascii_case(b"WAIT") || !self.block(from, word) {
                 self.assignment(from, word);
+            } else {
+                self.active = None;
             }
             before = word;
         }
@@ -332,7 +337,7 @@ impl<'a> Reader<'a> {
 
     /// Words that begin or end routines, branches and loops, and calls.
     fn block(&mut self, from: usize, word: &[u8]) -> bool {
-        let Self { flow, now, c, names, .. } = self;
+        let Self { flow, now, active, c, names, .. } = self;
         let is = |words: &[&[u8]]| is_one_of(word, words);
         if is(&[b"DEF", b"DEFFCT"]) {
             let name = before_bracket(c);
@@ -373,6 +378,7 @@ impl<'a> Reader<'a> {
         } else {
             if let Some(is_statement) = flow.perhaps_called(word, c, now) {
                 names.called(hashed(word), is_statement && !is_among(word, BUILT_IN));
+                *active = None;
                 self.arguments(word);
             }
             return false;
@@ -515,6 +521,7 @@ impl<'a> Reader<'a> {
         let found = self.aggregate();
         if word.eq_ignore_ascii_case(b"FDAT_ACT") {
             self.now = self.said(&found);
+            self.active = Some(self.now.clone());
         } else if !is_system(word)
             && (self.named.moved_to.is_empty() || self.named.moved_to.contains(&self.key(word, from)))
         {

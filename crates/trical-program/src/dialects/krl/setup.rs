@@ -145,13 +145,15 @@ impl Reader<'_> {
         name
     }
 
-    /// `BAS(#TOOL,1)`, `BAS(#BASE,2)`
+    /// `BAS(#TOOL,1)`, `BAS(#BASE,2)`; `BAS(#CP_PARAMS,0.2)` sets what `FDAT_ACT` says, whatever was set since.
     pub(super) fn bas(&mut self) {
         if !(self.c.eat(b'(') && self.c.eat(b'#')) {
             return;
         }
         let what = self.c.word();
-        if self.c.eat(b',') {
+        if is_one_of(what, &[b"FRAMES", b"PTP_PARAMS", b"CP_PARAMS"]) {
+            self.now = self.active.clone().unwrap_or_else(|| self.now.clone());
+        } else if self.c.eat(b',') {
             let n = lower(self.c.until(b")\n\r").trim_ascii());
             let what = lower(what);
             let n = if is_number(&n) { n } else { self.calculated(format!("bas(#{what},{n})")) };
@@ -427,6 +429,7 @@ impl Reader<'_> {
             Setup { tool: Some(unknown.clone()), frame: Some(unknown) }
         });
         let Setup { tool, frame } = self.now.clone();
+        self.active = Some(self.now.clone());
         self.used
             .extend([(true, tool), (false, frame)].into_iter().filter_map(|(is_tool, name)| Some((is_tool, name?))));
     }
@@ -441,6 +444,7 @@ impl Reader<'_> {
         let number = lower(self.c.until(b";\n\r").trim_ascii());
         let part = if is_tool { "tool" } else { "base" };
         let number = if is_number(&number) { number } else { self.calculated(format!("fdat_act.{part}_no={number}")) };
+        self.active = None;
         self.set(is_tool, number);
     }
 

@@ -18,8 +18,8 @@ use crate::scan::{Fork, OWN_SETUP, Scan, Setup, Visit, changed_here, hashed};
 use crate::text::Cursor;
 use positions::position;
 use statements::{
-    ACTIVE, BY_FORCE, DISPLACES, action, activated, assigned, continued, has, is_macro, is_remark, moves,
-    of_first_group, places, sets_frame, statement, unread, without_names, without_remark,
+    ACTIVE, BY_FORCE, DISPLACES, action, activated, assigned, continued, has, is_macro, is_remark, loop_activates,
+    moves, of_first_group, places, sets_frame, statement, unread, without_names, without_remark,
 };
 
 /// Where the mark goes: a remark at the beginning of `/MN`. \[I\] A loader counts the lines itself.
@@ -73,7 +73,7 @@ pub fn scan(bytes: &[u8]) -> Scan {
             c.skip_line();
         }
     }
-    let now = Active { only: active.map(|found| found.ok().flatten()), ..Active::default() };
+    let now = Active::new(active);
     motions(bytes, main..positions, now, &mut scan, &mut names, &all);
     for (_, at, what) in unread.into_iter().filter(|(name, ..)| names.is_read(*name)) {
         scan.problem(at, what);
@@ -146,6 +146,9 @@ fn motions(
         if let Some(fork) = fork(&upper) {
             names.fork(fork);
             now.fork(fork);
+            if fork == Fork::Repeats && loop_activates(&bytes[whole..end]) {
+                now.or(&now.anywhere.clone());
+            }
         }
         let all = places(&upper);
         for (_, _, digits) in all.iter().filter(|(_, is_register, _)| !is_register) {
@@ -159,12 +162,13 @@ fn motions(
         let is_conditional = done.len() < upper.len();
         if is_conditional {
             names.fork(Fork::Opens);
+            now.fork(Fork::Opens);
         } else if has(&upper, b"JMP") {
             names.jumps();
         }
         let offset = offset + upper.len() - done.len();
         let (upper, all) = (done, places(done));
-        now.statement(upper, is_conditional);
+        now.statement(upper);
         if sets_frame(upper) {
             scan.problem(offset, changed_here("a tool or user frame"));
         } else if let Some(equals) = assigned(upper)
@@ -194,46 +198,104 @@ fn motions(
         }
         if is_conditional {
             names.fork(Fork::Closes);
+            now.fork(Fork::Closes);
         }
     }
+}
+
+/// Which tool, or which frame, is active.
+#[derive(Clone, Debug, Default, PartialEq)]
+enum Number {
+    /// The program has not said.
+    #[default]
+    Unsaid,
+    Is(String),
+    /// The program sets several, and which one is active depends on its way.
+    Any,
 }
 
 /// Which tool and which frame are active, as far as the text above says: registers are gone to with these.
 #[derive(Default)]
 struct Active {
-    numbers: [Option<String>; 2],
-    /// Those that the program sets wherever it sets one.
-    only: [Option<String>; 2],
-    /// How many blocks are open.
-    depth: usize,
+    numbers: [Number; 2],
+    /// What is known of each where the program comes from anywhere.
+    anywhere: [Number; 2],
+    /// Of the blocks that are open: where they began, and behind the branches that are closed (and past them all).
+    open: Vec<([Number; 2], Vec<[Number; 2]>)>,
 }
 
 impl Active {
+    /// `found` is which tool and frame the program sets, if it is one.
+    fn new(found: [Result<Option<String>, String>; 2]) -> Self {
+        let anywhere = found.map(|found| match found {
+            Ok(Some(only)) => Number::Is(only),
+            Ok(None) => Number::Unsaid,
+            Err(_) => Number::Any,
+        });
+        Self { anywhere, ..Self::default() }
+    }
+
     fn fork(&mut self, fork: Fork) {
         match fork {
-            Fork::Opens | Fork::Repeats => self.depth += 1,
-            Fork::Closes => self.depth = self.depth.saturating_sub(1),
-            Fork::Anywhere => self.numbers.clone_from(&self.only),
-            Fork::Other | Fork::Else => {}
+            Fork::Anywhere => self.numbers.clone_from(&self.anywhere),
+            Fork::Opens | Fork::Repeats => self.open.push((self.numbers.clone(), vec![self.numbers.clone()])),
+            Fork::Other | Fork::Else => {
+                let Some((before, ends)) = self.open.last_mut() else { return };
+                if fork == Fork::Else {
+                    // there is no way past them
+                    ends.remove(0);
+                }
+                ends.push(std::mem::replace(&mut self.numbers, before.clone()));
+            }
+            Fork::Closes => {
+                for end in self.open.pop().into_iter().flat_map(|(_, ends)| ends) {
+                    self.or(&end);
+                }
+            }
         }
     }
 
-    /// Behind a branch nobody knows what it has set.
-    fn statement(&mut self, upper: &[u8], is_conditional: bool) {
+    /// What is active behind this way and another one.
+    fn or(&mut self, other: &[Number; 2]) {
+        for ((number, other), anywhere) in self.numbers.iter_mut().zip(other).zip(&self.anywhere) {
+            if number != other {
+                *number = if *anywhere == Number::Any { Number::Any } else { Number::Unsaid };
+            }
+        }
+    }
+
+    fn statement(&mut self, upper: &[u8]) {
         for (number, names) in self.numbers.iter_mut().zip(ACTIVE) {
             if let Some(new) = activated(upper, names) {
-                *number = Some(new).filter(|new| !new.is_empty() && !is_conditional && self.depth == 0);
+                *number = if new.is_empty() { Number::Any } else { Number::Is(new) };
             }
         }
     }
 
     fn setup(&self, scan: &mut Scan) -> u32 {
-        match &self.numbers {
-            [tool @ Some(_), frame @ Some(_)] => scan.setup(Setup { tool: tool.clone(), frame: frame.clone() }),
-            _ => OWN_SETUP,
+        let said = |number: &Number| match number {
+            Number::Unsaid => None,
+            Number::Is(number) => Some(number.clone()),
+            Number::Any => Some(UNKNOWN.to_owned()),
+        };
+        let [tool, frame] = &self.numbers;
+        let is_any = [tool, frame].contains(&&Number::Any);
+        match (said(tool), said(frame)) {
+            (None, _) | (_, None) if !is_any => OWN_SETUP,
+            (tool, frame) => {
+                if is_any {
+                    scan.frames.refuse(UNKNOWN, DEPENDS);
+                }
+                scan.setup(Setup { tool, frame })
+            }
         }
     }
 }
+
+/// Stands for a tool or frame of which nobody knows which it is, and why.
+const UNKNOWN: &str = "an unknown one";
+const DEPENDS: &str =
+    "is gone to with the tool and frame that are active, and which these are depends on the way of the program";
 
 /// From where the program comes to what follows a statement.
 fn fork(upper: &[u8]) -> Option<Fork> {

@@ -176,6 +176,22 @@ pub fn action(upper: &[u8]) -> &[u8] {
     upper[behind..].trim_ascii_start()
 }
 
+/// Whether a loop, of which this is what follows its first line, activates a tool or a frame.
+pub fn loop_activates(behind: &[u8]) -> bool {
+    let mut depth = 1;
+    for line in behind.split(|b| *b == b'\n') {
+        let upper = statement(line).to_ascii_uppercase();
+        match upper.split(|b| !b.is_ascii_alphabetic()).next() {
+            Some(b"FOR") => depth += 1,
+            Some(b"ENDFOR") if depth == 1 => return false,
+            Some(b"ENDFOR") => depth -= 1,
+            _ if ACTIVE.iter().any(|names| activated(action(&upper), *names).is_some()) => return true,
+            _ => {}
+        }
+    }
+    false
+}
+
 /// Whether a statement moves the arm.
 pub fn moves(upper: &[u8]) -> bool {
     let is_letter = matches!(upper.first(), Some(b'J' | b'L' | b'C' | b'S' | b'A'))

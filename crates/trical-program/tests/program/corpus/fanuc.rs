@@ -36,8 +36,11 @@ pub(super) const FANUC: &[Case] = &[
     case(
         "registers that are gone to with the tool of their position, with another one, and with one that is not known",
         "/PROG A\n/MN\n   1:  UFRAME_NUM=0 ;\n   2:  UTOOL_NUM=0 ;\n   3:  PR[1]=P[1] ;\n   4:L PR[1] 100mm/sec FINE ;\n   5:  UTOOL_NUM=1 ;\n   6:  PR[2]=P[2] ;\n   7:L PR[2] 100mm/sec FINE ;\n   8:  UTOOL_NUM=R[1] ;\n   9:  PR[3]=P[3] ;\n  10:L PR[3] 100mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@1\n};\nP[3]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@2\n};\n/END\n",
-        &[17, 27],
-        &[(22, "is used with tool '0' in '0' and with tool '1' in '0'")],
+        &[17],
+        &[
+            (22, "is used with tool '0' in '0' and with tool '1' in '0'"),
+            (27, "is used with tool '0' in '0' and with tool 'an unknown one' in '0'"),
+        ],
     ),
     case(
         "a register whose number a register gives, a position that is set, an output that a motion sets",

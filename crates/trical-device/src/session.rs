@@ -198,6 +198,8 @@ impl Session<'_> {
         options.guard = Some(self.guard);
         let corrected = self.corrected()?;
         options.corrected = Some(&corrected);
+        let elsewhere = self.elsewhere()?;
+        options.elsewhere = Some(&elsewhere);
         if !self.go {
             return self.rehearse(&mut options);
         }
@@ -222,6 +224,17 @@ impl Session<'_> {
             // the controller's tool has the axes of the flange
             tool.translation += nominal.world_from_flange(&state, ws).rotation * Vector3::from(by);
             continue_from(&nominal, &tool, &state, ws).map_err(|e| e.to_string())
+        })
+    }
+
+    /// What a reading is elsewhere, by the nominal arm.
+    fn elsewhere(&self) -> Result<impl Fn(&Joints, [f64; 3], &Joints) -> [f64; 3], ModelError> {
+        let nominal = Forward::new(Model::nominal(self.robot.clone(), self.cell.clone()), Vec::new())?;
+        let ws = RefCell::new(nominal.workspace());
+        Ok(move |at: &Joints, reading: [f64; 3], there: &Joints| {
+            let ws = &mut *ws.borrow_mut();
+            let ball = nominal.world_from_tool(&State::at(at), ws).apply(&Vector3::from(reading));
+            nominal.world_from_tool(&State::at(there), ws).inverse().apply(&ball).into()
         })
     }
 

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use trical_model::recording::{Joints, Measured, Row, State};
 
-use super::options::{CONFIRM, FREE_CHANGE, JOINT_CHANGE, ROTATION_SPEED};
+use super::options::{CHANGE_OFF, CHANGE_REPEATABILITY, CONFIRM, FREE_CHANGE, JOINT_CHANGE, ROTATION_SPEED};
 use super::steps::{check_finite, check_joints, check_plan, check_standing};
 use super::{
     PlanEntry, ProcedureError, ProcedureOptions, Progress, Retreat, RetreatOutcome, RunReport, Violation, dry_run,
@@ -266,9 +266,8 @@ impl Runner<'_, '_> {
             self.check_free()?;
         }
         self.controller.set_speed(options.touch_speed, ROTATION_SPEED)?;
-        self.arrive(entry)?;
         (self.corrections, self.corrected) = (0, 0.0);
-        let mut reading = self.read(entry)?;
+        let mut reading = self.arrive(entry)?;
         // with no way out of the touch, channels that have not followed a correction may be stuck, or repeat an old value
         let mut follows = [!entry.via.is_empty(); 3];
         while norm(&reading) >= options.epsilon || follows.contains(&false) {
@@ -370,15 +369,16 @@ impl Runner<'_, '_> {
         still
     }
 
-    /// From the approach point to the touch: where it was found at an earlier visit, and then every other time from beyond.
-    fn arrive(&mut self, entry: &PlanEntry) -> Result<(), Violation> {
+    /// From the approach point to the touch: where it was found at an earlier visit, and then every other time from beyond; and what is read there.
+    fn arrive(&mut self, entry: &PlanEntry) -> Result<[f64; 3], Violation> {
         let options = self.options;
         let stride = options.stride.unwrap_or(u64::MAX).max(1);
         let (round, place) = (entry.index / stride, entry.index % stride);
         let found = if round > 0 { self.known.get(&place).copied() } else { None };
         let touch = found.unwrap_or(entry.joints);
         let from_beyond = found.is_some() && round % 2 == 1;
-        let beyond = std::array::from_fn(|k| touch[k] + options.beyond * (touch[k] - self.at[k]));
+        let at_part = |part: f64| -> Joints { std::array::from_fn(|k| touch[k] + part * (touch[k] - self.at[k])) };
+        let (before, beyond) = (at_part(-options.beyond), at_part(options.beyond));
         check_joints(&touch, options)?;
         self.check_cancelled()?;
         // from here on the arm may be on its way, so the way back begins at the point before
@@ -388,7 +388,40 @@ impl Runner<'_, '_> {
             check_joints(&beyond, options)?;
             self.drive(&beyond)?;
         }
-        self.drive(&touch)
+        // from beyond, joints turn round, and a gap in one would count
+        if from_beyond || entry.via.is_empty() {
+            self.drive(&touch)?;
+            return self.read(entry);
+        }
+        check_joints(&before, options)?;
+        self.drive(&before)?;
+        let read_before = self.settled_reading()?;
+        self.drive(&touch)?;
+        let reading = self.read(entry)?;
+        // where it was sent: some controllers round what they report
+        let expected = options.elsewhere.map(|elsewhere| elsewhere(&touch, reading, &before));
+        expected.map_or(Ok(()), |expected| self.check_change(&read_before, &reading, &expected))?;
+        Ok(reading)
+    }
+
+    /// The way from a stop just before the touch is known, and so is what each channel has to read there. A stem that sticks about zero is free
+    /// there, or does not change at all.
+    fn check_change(&self, before: &[f64; 3], reading: &[f64; 3], expected: &[f64; 3]) -> Result<(), Violation> {
+        let way: [f64; 3] = std::array::from_fn(|k| expected[k] - reading[k]);
+        let allowed = CHANGE_OFF * norm(&way) + CHANGE_REPEATABILITY * self.options.repeatability;
+        let [low, high] = self.options.limits.stroke;
+        // a stem that was still free there says nothing
+        let off = |k: &usize| (low..=high).contains(&before[*k]) && (before[*k] - expected[*k]).abs() > allowed;
+        match (0..3).find(off) {
+            None => Ok(()),
+            Some(k) => Err(Violation::WrongChange {
+                axis: AXES[k],
+                before_mm: before[k] * 1e3,
+                reading_mm: reading[k] * 1e3,
+                expected_mm: expected[k] * 1e3,
+                allowed_mm: allowed * 1e3,
+            }),
+        }
     }
 
     fn settled_reading(&mut self) -> Result<[f64; 3], Violation> {

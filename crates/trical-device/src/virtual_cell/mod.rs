@@ -137,6 +137,13 @@ pub enum Fault {
         /// Which axis.
         axis: usize,
     },
+    /// The stem of an axis sticks while its ball is so near to the tool point, and reads 3 to 5 um there; outside it is free.
+    StickingStem {
+        /// Which axis.
+        axis: usize,
+        /// How near, in thousandths of a mm.
+        within_um: u32,
+    },
     /// A person jogs a joint, once.
     Jogged {
         /// Which joint, counted from 0.

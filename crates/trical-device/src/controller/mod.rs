@@ -269,6 +269,19 @@ pub enum ControllerError {
         /// What would be right.
         expected: String,
     },
+    /// Another program commands it, too.
+    #[error(
+        "robot controller {controller}: another program commands it, too: it has request {found}, and this program sent {expected}; expected one \
+         program at a time: end the other one"
+    )]
+    OtherProgram {
+        /// Name of the controller.
+        controller: String,
+        /// Number of the request that it has.
+        found: u64,
+        /// Number of the last request of this program.
+        expected: u64,
+    },
     /// The arm stands elsewhere than where it was sent.
     #[error(
         "robot controller {controller}: joint {joint} was sent to {sent_deg:.4} deg and reports {found_deg:.4} deg; expected them to agree \

@@ -111,7 +111,9 @@ pub fn run(
             Err(violation @ Violation::Stopped) => Err((violation, RetreatOutcome::Stopped)),
             Err(
                 violation @ (Violation::Elsewhere { .. }
-                | Violation::Controller(ControllerError::StopNotConfirmed { .. })),
+                | Violation::Controller(
+                    ControllerError::StopNotConfirmed { .. } | ControllerError::OtherProgram { .. },
+                )),
             ) => Err((violation, RetreatOutcome::LeftAlone)),
             Err(violation) => Err((violation, runner.retreat())),
         };

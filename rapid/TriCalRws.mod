@@ -16,7 +16,7 @@ MODULE TriCalRws
     ! Each program knows its request by its number. mm and degrees; codes of
     ! TriCal.mod:
     !   02 MoveAbsJ j1..j6    08 speed mm/s deg/s     20 correction dx dy dz
-    !   06 tool x y z q1..q4  24 who are you
+    !   06 tool x y z q1..q4  24 who are you         28 serial number
     !**************************************************************************
 
     !--------------------------------------------------------------- Settings
@@ -84,6 +84,8 @@ MODULE TriCalRws
             Correct;
         CASE 24:
             sReply:="TriCal "+NumToStr(VERSION,0)+" 6 "+NumToStr(MAX_CORRECTION,3);
+        CASE 28:
+            sReply:=GetSysInfo(\SerialNo);
         DEFAULT:
             Refuse "unknown code";
         ENDTEST

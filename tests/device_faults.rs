@@ -485,6 +485,47 @@ fn sessions_that_are_killed_at_any_moment_are_gone_on_with() {
 }
 
 #[test]
+fn a_recording_is_not_gone_on_with_on_another_arm_of_the_same_type() {
+    let bench = Bench::new();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    // one that tells no number is taken for the same
+    for (number, says) in
+        [(Some("120-1"), ""), (None, ""), (Some("120-2"), "number 120-2, expected 120-1"), (Some("120-1"), "")]
+    {
+        let serial_number = number.map(str::to_owned);
+        let options = CellOptions { serial_number, ..CellOptions::like_a_real_one(&bench.truth, 1, 0) };
+        let cell = VirtualCell::start(Box::new(ArmPlant::new(&bench.truth).unwrap()), options).unwrap();
+        let cancel = AtomicBool::new(false);
+        let session = Session {
+            robot: &bench.robot,
+            cell: &bench.cell,
+            plan: &bench.plan,
+            stride: None,
+            gauge: &cell.gauge_url(),
+            controller: &cell.controller_url(),
+            out: &path,
+            resume: path.exists(),
+            go: true,
+            settings: &Settings::default(),
+            start_ns: 1_800_000_000_000_000_000,
+            guard: &|_, _, _| Ok(()),
+            cancel: &cancel,
+            stops: None,
+        };
+        let before = std::fs::read(&path).unwrap_or_default();
+        let one_more = &mut |p| {
+            cancel.fetch_or(matches!(p, Progress::Measured { .. }), Ordering::Relaxed);
+        };
+        let error = session.perform(one_more).unwrap_err();
+        let refused = error.to_string().contains("with another arm: the controller has serial");
+        assert!(error.to_string().contains(says) && refused != says.is_empty(), "{error}");
+        assert_eq!((cell.motions() == 0, std::fs::read(&path).unwrap() == before), (refused, refused));
+    }
+    assert_eq!(read_recording(&path).unwrap().recording.rows.len(), 3);
+}
+
+#[test]
 fn a_recording_of_a_wrong_clock_is_gone_on_with_today() {
     let bench = Bench::new();
     let folder = tempfile::tempdir().unwrap();

@@ -56,6 +56,7 @@ fn every_code_of_the_protocol_is_served() {
         code::STREAM,
         code::TEMPERATURE,
         code::IDENTIFY,
+        code::SERIAL_NUMBER,
         code::CLOSE,
     ] {
         assert!(statements.contains(&format!("CASE {code}:")), "code {code}");
@@ -128,7 +129,7 @@ fn the_module_of_the_web_services_has_what_the_client_writes_and_reads() {
         assert!(module.contains(name), "{name}");
     }
     let statements = statements_of(&module);
-    for code in [code::MOVE_JOINTS, code::TOOL, code::SPEED, code::CORRECT, code::IDENTIFY] {
+    for code in [code::MOVE_JOINTS, code::TOOL, code::SPEED, code::CORRECT, code::IDENTIFY, code::SERIAL_NUMBER] {
         assert!(statements.contains(&format!("CASE {code}:")), "code {code}");
     }
     assert!(module.contains(&format!("LOCAL CONST num VERSION:={};", protocol::VERSION)));

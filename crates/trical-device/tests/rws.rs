@@ -272,5 +272,6 @@ fn the_url_opens_the_client() {
         open_controller(&format!("rws://{address}?user=Default%20User&password=robotics&settle_ms=0")).unwrap();
     controller.ping().unwrap();
     assert_eq!(controller.temperature().unwrap(), None);
+    assert_eq!(controller.serial_number().unwrap().as_deref(), Some("120-501234"));
     assert!(controller.clock().unwrap() >= 0.0);
 }

@@ -191,6 +191,17 @@ fn a_server_that_sends_a_byte_at_a_time_is_not_heard_for_ever() {
 }
 
 #[test]
+fn the_dashboard_tells_the_serial_number_where_there_is_one_that_knows_it() {
+    let (mut client, robot) = connect();
+    assert_eq!(client.serial_number().unwrap().as_deref(), Some("20195501234"));
+    robot.lock().unwrap().serial_number = "could not understand: 'get serial number'\n";
+    assert_eq!(client.serial_number().unwrap(), None);
+    let (settings, _robot) = server();
+    let mut client = UrClient::connect("127.0.0.1", UrSettings { dashboard_port: 1, ..settings }).unwrap();
+    assert_eq!(client.serial_number().unwrap(), None);
+}
+
+#[test]
 fn the_url_opens_the_client() {
     let (settings, _robot) = server();
     let url = format!("ur://127.0.0.1?rtde_port={}&script_port={}", settings.rtde_port, settings.script_port);

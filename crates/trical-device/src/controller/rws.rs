@@ -15,7 +15,9 @@ use ureq::tls::{Certificate, RootCerts, TlsConfig};
 
 use super::rapid_protocol::{self, code};
 use super::rws_protocol as protocol;
-use super::{Controller, ControllerError, JointSettle, Motion, STOP_TIMEOUT, StopCount, Stops, confirmed_stop};
+use super::{
+    Controller, ControllerError, JointSettle, Motion, STOP_TIMEOUT, StopCount, Stops, confirmed_stop, serial_number_in,
+};
 use crate::gauge::shorten;
 use crate::url::Secret;
 use trical_recording::motion::JointSample;
@@ -379,6 +381,10 @@ impl Controller for RwsClient {
     /// The clock of this computer since the connection was made: the services' own has whole seconds only.
     fn clock(&mut self) -> Result<f64, ControllerError> {
         Ok(self.begin.elapsed().as_secs_f64())
+    }
+
+    fn serial_number(&mut self) -> Result<Option<String>, ControllerError> {
+        Ok(serial_number_in(&self.command(code::SERIAL_NUMBER, &[], self.settings.timeout)?))
     }
 
     fn stop_when(&mut self, count: StopCount) {

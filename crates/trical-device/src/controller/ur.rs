@@ -14,7 +14,7 @@ use trical_model::recording::Joints;
 use super::rtde::{self, State, kind};
 use super::{
     Controller, ControllerError, JointSettle, LOOK_FOR_STOP, StopCount, Stops, confirmed_stop, connected,
-    largest_difference,
+    largest_difference, serial_number_in,
 };
 use trical_recording::motion::JointSample;
 
@@ -25,6 +25,8 @@ pub struct UrSettings {
     pub rtde_port: u16,
     /// Port that takes programs.
     pub script_port: u16,
+    /// Port of the dashboard server, which tells the serial number. \[I\]: from which version on it does.
+    pub dashboard_port: u16,
     /// How long an answer may take.
     pub timeout: Duration,
     /// How long a motion may take.
@@ -40,6 +42,7 @@ impl Default for UrSettings {
         Self {
             rtde_port: 30_004,
             script_port: 30_002,
+            dashboard_port: 29_999,
             timeout: Duration::from_secs(5),
             move_timeout: Duration::from_secs(120),
             correction_limit: 5e-3,
@@ -101,6 +104,7 @@ fn joints(state: &State) -> Joints {
 /// A Universal Robots controller.
 pub struct UrClient {
     name: String,
+    host: String,
     settings: UrSettings,
     shared: Arc<Shared>,
     data: TcpStream,
@@ -151,6 +155,7 @@ impl UrClient {
         std::thread::Builder::new().name("ur program port".to_owned()).spawn(drain).map_err(failed)?;
         let client = Self {
             name,
+            host: host.to_owned(),
             settings,
             shared,
             data,
@@ -421,6 +426,27 @@ impl Controller for UrClient {
 
     fn clock(&mut self) -> Result<f64, ControllerError> {
         self.fresh().map(|state| state.t)
+    }
+
+    /// The dashboard greets with a line, and answers each command with one. Not every controller has it, and not every one knows the command.
+    fn serial_number(&mut self) -> Result<Option<String>, ControllerError> {
+        let ask = || -> Option<String> {
+            let timeout = self.settings.timeout;
+            let address = format!("{}:{}", self.host, self.settings.dashboard_port);
+            let mut stream = connected(&address, timeout, timeout).ok()?;
+            stream.write_all(b"get serial number\n").ok()?;
+            let (deadline, mut said) = (Instant::now() + timeout, Vec::new());
+            loop {
+                let mut some = [0; 256];
+                let count = stream.read(&mut some).ok().filter(|count| *count > 0 && Instant::now() < deadline)?;
+                said.extend_from_slice(some.get(..count)?);
+                let text = String::from_utf8_lossy(&said);
+                if let Some((answer, _)) = text.split_once('\n').and_then(|(_, behind)| behind.split_once('\n')) {
+                    return serial_number_in(answer);
+                }
+            }
+        };
+        Ok(ask())
     }
 
     fn stop_when(&mut self, count: StopCount) {

@@ -37,6 +37,8 @@ pub struct CellOptions {
     pub port: u16,
     /// What a client has to give first; `None` = whoever comes may command.
     pub secret: Option<Secret>,
+    /// Serial number that the controller tells.
+    pub serial_number: Option<String>,
     /// Channels of the indicators along x, y, z.
     pub channels: [u8; 3],
     /// Group of the indicators.
@@ -89,6 +91,7 @@ impl Default for CellOptions {
         Self {
             port: 0,
             secret: None,
+            serial_number: None,
             channels: [0, 1, 2],
             group: 0,
             limits: Vec::new(),

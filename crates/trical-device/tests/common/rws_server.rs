@@ -118,7 +118,11 @@ impl Robot {
         if numbers[1] == 2.0 && refused.is_none() {
             self.joints.copy_from_slice(&numbers[2..8]);
         }
-        let reply = if numbers[1] == 24.0 { "TriCal 1 6 5.000" } else { "" };
+        let reply = match numbers[1] {
+            24.0 => "TriCal 1 6 5.000",
+            28.0 => "120-501234",
+            _ => "",
+        };
         self.variables.insert("nOk".to_owned(), u8::from(refused.is_none()).to_string());
         self.variables.insert("sReply".to_owned(), format!("\"{}\"", refused.unwrap_or_else(|| reply.to_owned())));
         self.variables.insert("nAck".to_owned(), numbers[0].to_string());

@@ -277,6 +277,18 @@ pub enum ControllerError {
         /// What would be right.
         expected: String,
     },
+    /// The arm stands for its safety.
+    #[error("robot controller {controller}: {what} (safety mode {mode}): {remedy}")]
+    SafetyStop {
+        /// Name of the controller.
+        controller: String,
+        /// The controller's number of it.
+        mode: i32,
+        /// What kind of stop.
+        what: &'static str,
+        /// What to do.
+        remedy: &'static str,
+    },
     /// Another program commands it, too.
     #[error(
         "robot controller {controller}: another program commands it, too: it has request {found}, and this program sent {expected}; expected one \

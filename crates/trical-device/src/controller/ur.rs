@@ -207,20 +207,21 @@ impl UrClient {
         })
     }
 
-    fn standing(&self, state: &State, request: &str) -> Result<(), ControllerError> {
-        if matches!(state.safety, 1 | 2) {
-            return Ok(());
-        }
-        let meaning = match state.safety {
-            3 => "protective stop",
-            4 => "recovery",
-            5 => "safeguard stop",
-            6 | 7 => "emergency stop",
-            8 => "violation",
-            9 => "fault",
-            _ => "not in normal operation",
+    /// Whether the arm may move: it has stopped for its safety in all modes but two.
+    fn check_safety(&self, state: &State) -> Result<(), ControllerError> {
+        let (what, remedy) = match state.safety {
+            1 | 2 => return Ok(()),
+            3 => (
+                "protective stop",
+                "look what the arm has met, or what load and tool it is set to; unlock it at the teach pendant, and jog it to a free place",
+            ),
+            4 => ("recovery mode", "move the arm back within its limits at the teach pendant"),
+            5 => ("safeguard stop", "close the safeguard (door, light curtain) and reset it"),
+            6 | 7 => ("emergency stop", "release the button once nobody is in danger, and power the arm on again"),
+            8 | 9 => ("violation or fault", "restart the controller's safety system as the teach pendant says"),
+            _ => ("not in normal operation", "look at the teach pendant"),
         };
-        Err(ControllerError::refused(&self.name, request, format!("safety mode {}: {meaning}", state.safety)))
+        Err(ControllerError::SafetyStop { controller: self.name.clone(), mode: state.safety, what, remedy })
     }
 
     fn send(&mut self, program: &str) -> Result<(), ControllerError> {
@@ -253,7 +254,7 @@ impl UrClient {
     /// for its safety, the program is ended: it is not to go on later.
     fn run(&mut self, motion: &str) -> Result<(), ControllerError> {
         let state = self.fresh()?;
-        self.standing(&state, motion)?;
+        self.check_safety(&state)?;
         let number = (state.done.max(0) + 1) % 1_000_000;
         let [x, y, z] = self.tcp;
         let program = format!(
@@ -277,7 +278,7 @@ impl UrClient {
                 return Some(Err(ControllerError::silent(&self.name, "RTDE data", timeout)));
             }
             let now = seen.latest?;
-            if let Err(error) = self.standing(&now, motion) {
+            if let Err(error) = self.check_safety(&now) {
                 return Some(Err(error));
             }
             begun |= is_apart(&state, &now);

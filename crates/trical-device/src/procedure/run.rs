@@ -112,7 +112,9 @@ pub fn run(
             Err(
                 violation @ (Violation::Elsewhere { .. }
                 | Violation::Controller(
-                    ControllerError::StopNotConfirmed { .. } | ControllerError::OtherProgram { .. },
+                    ControllerError::StopNotConfirmed { .. }
+                    | ControllerError::OtherProgram { .. }
+                    | ControllerError::SafetyStop { .. },
                 )),
             ) => Err((violation, RetreatOutcome::LeftAlone)),
             Err(violation) => Err((violation, runner.retreat())),

@@ -19,7 +19,7 @@ MODULE TriCal
     !   04 joints j1..j6             24 who are you             99 close
     !   06 tool x y z q1..q4         30 (sent only) joint sample: s j1..j6
     !   08 speed mm/s deg/s          25, 26 (while the arm moves) stop, alive?
-    !   27 SECRET, the first message of each client
+    !   27 SECRET, the first message of each client        28 serial number
     ! A client that sends anything else is disconnected.
     ! A RAPID string holds 80 characters: longer replies are sent in pieces.
     !**************************************************************************
@@ -276,6 +276,8 @@ MODULE TriCal
         CASE 25,26:
             ! Nothing moves any more.
             Reply "";
+        CASE 28:
+            Reply GetSysInfo(\SerialNo);
         CASE 99:
             Reply "";
             bConnected:=FALSE;

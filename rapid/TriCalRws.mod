@@ -10,11 +10,13 @@ MODULE TriCalRws
     ! Not tried on a real controller yet: first run it in RobotStudio, then in
     ! manual mode with reduced speed and the device well away from the balls.
     !
-    ! The computer writes nReq (code and up to seven numbers), then a new number
-    ! into nSeq. The loop does it, writes nOk (1, or 0 with the reason in sReply)
-    ! and then the same number into nAck. mm and degrees; codes of TriCal.mod:
+    ! The computer writes nReq, as one: a number that was not used before, the
+    ! code, seven numbers, and the first number again. The loop does it, writes
+    ! nOk (1, or 0 with the reason in sReply) and then the number into nAck.
+    ! Each program knows its request by its number. mm and degrees; codes of
+    ! TriCal.mod:
     !   02 MoveAbsJ j1..j6    08 speed mm/s deg/s     20 correction dx dy dz
-    !   06 tool x y z q1..q4  24 who are you
+    !   06 tool x y z q1..q4  24 who are you         28 serial number
     !**************************************************************************
 
     !--------------------------------------------------------------- Settings
@@ -38,37 +40,40 @@ MODULE TriCalRws
     LOCAL CONST num VERSION:=1;
 
     ! Written by the computer.
-    PERS num nReq{8}:=[0,0,0,0,0,0,0,0];
-    PERS num nSeq:=0;
+    PERS num nReq{10}:=[0,0,0,0,0,0,0,0,0,0];
     ! Written here.
     PERS num nAck:=0;
     PERS num nOk:=1;
     PERS string sReply:="";
 
+    ! The request that is being done.
+    LOCAL VAR num nDo{10};
     LOCAL VAR speeddata vMove:=[20,10,200,20];
     LOCAL VAR num nSum:=0;
 
     ! Waits for a request, does it, and waits for the next.
     PROC TriCalRwsLoop()
-        VAR num nNow;
         ! A correction is short: the nearest configuration is the right one.
         ConfL\Off;
         ConfJ\Off;
         SingArea\Off;
         ! What was asked before the start is not done.
-        nAck:=nSeq;
+        nAck:=nReq{1};
         WHILE TRUE DO
-            WaitUntil nSeq<>nAck\PollRate:=0.05;
-            nNow:=nSeq;
-            nOk:=1;
-            sReply:="";
-            DoRequest;
-            nAck:=nNow;
+            ! The number is the same at both ends once all is written.
+            WaitUntil nReq{1}<>nAck AND nReq{10}=nReq{1}\PollRate:=0.05;
+            nDo:=nReq;
+            IF nDo{1}=nDo{10} THEN
+                nOk:=1;
+                sReply:="";
+                DoRequest;
+                nAck:=nDo{1};
+            ENDIF
         ENDWHILE
     ENDPROC
 
     LOCAL PROC DoRequest()
-        TEST nReq{1}
+        TEST nDo{2}
         CASE 2:
             MoveJoints;
         CASE 6:
@@ -79,6 +84,8 @@ MODULE TriCalRws
             Correct;
         CASE 24:
             sReply:="TriCal "+NumToStr(VERSION,0)+" 6 "+NumToStr(MAX_CORRECTION,3);
+        CASE 28:
+            sReply:=GetSysInfo(\SerialNo);
         DEFAULT:
             Refuse "unknown code";
         ENDTEST
@@ -93,7 +100,7 @@ MODULE TriCalRws
         VAR jointtarget jTo;
         ! External axes stay where they are.
         jTo:=CJointT();
-        jTo.robax:=[nReq{2},nReq{3},nReq{4},nReq{5},nReq{6},nReq{7}];
+        jTo.robax:=[nDo{3},nDo{4},nDo{5},nDo{6},nDo{7},nDo{8}];
         IF NOT WithinLimits(jTo) RETURN;
         nSum:=0;
         MoveAbsJ jTo\NoEOffs,vMove,fine,tTriCal\WObj:=wobj0;
@@ -105,7 +112,7 @@ MODULE TriCalRws
         VAR robtarget pTo;
         VAR jointtarget jTo;
         VAR num nLength;
-        nLength:=Sqrt(nReq{2}*nReq{2}+nReq{3}*nReq{3}+nReq{4}*nReq{4});
+        nLength:=Sqrt(nDo{3}*nDo{3}+nDo{4}*nDo{4}+nDo{5}*nDo{5});
         IF nLength>MAX_CORRECTION THEN
             Refuse "correction "+NumToStr(nLength,3)+" mm is over the limit of "
                 +NumToStr(MAX_CORRECTION,3)+" mm";
@@ -117,7 +124,7 @@ MODULE TriCalRws
             RETURN;
         ENDIF
         WaitRob\ZeroSpeed;
-        pTo:=RelTool(CRobT(\Tool:=tTriCal\WObj:=wobj0),nReq{2},nReq{3},nReq{4});
+        pTo:=RelTool(CRobT(\Tool:=tTriCal\WObj:=wobj0),nDo{3},nDo{4},nDo{5});
         ! Raises ERR_ROBLIMIT where the arm cannot get there.
         jTo:=CalcJointT(pTo,tTriCal\WObj:=wobj0);
         IF NOT WithinLimits(jTo) RETURN;
@@ -173,32 +180,32 @@ MODULE TriCalRws
 
     LOCAL PROC SetTool()
         VAR num nNorm;
-        nNorm:=nReq{5}*nReq{5}+nReq{6}*nReq{6}+nReq{7}*nReq{7}+nReq{8}*nReq{8};
+        nNorm:=nDo{6}*nDo{6}+nDo{7}*nDo{7}+nDo{8}*nDo{8}+nDo{9}*nDo{9};
         IF Abs(nNorm-1)>0.001 THEN
             Refuse "no unit quaternion";
             RETURN;
         ENDIF
         ! The speed limit is one of the TCP: a tool that is far out, or not
         ! there, must not make the arm faster than it means.
-        FOR i FROM 2 TO 4 DO
-            IF Abs(nReq{i})>MAX_TOOL THEN
+        FOR i FROM 3 TO 5 DO
+            IF Abs(nDo{i})>MAX_TOOL THEN
                 Refuse "tool over "+NumToStr(MAX_TOOL,0)+" mm";
                 RETURN;
             ENDIF
         ENDFOR
-        tTriCal.tframe.trans:=[nReq{2},nReq{3},nReq{4}];
-        tTriCal.tframe.rot:=NOrient([nReq{5},nReq{6},nReq{7},nReq{8}]);
+        tTriCal.tframe.trans:=[nDo{3},nDo{4},nDo{5}];
+        tTriCal.tframe.rot:=NOrient([nDo{6},nDo{7},nDo{8},nDo{9}]);
     ENDPROC
 
     ! A wish for more than the limit gets the limit.
     LOCAL PROC SetSpeed()
-        IF nReq{2}<=0 OR nReq{3}<=0 THEN
+        IF nDo{3}<=0 OR nDo{4}<=0 THEN
             Refuse "two positive numbers expected";
             RETURN;
         ENDIF
-        vMove.v_tcp:=nReq{2};
+        vMove.v_tcp:=nDo{3};
         IF vMove.v_tcp>MAX_TCP_SPEED vMove.v_tcp:=MAX_TCP_SPEED;
-        vMove.v_ori:=nReq{3};
+        vMove.v_ori:=nDo{4};
         IF vMove.v_ori>MAX_ORI_SPEED vMove.v_ori:=MAX_ORI_SPEED;
     ENDPROC
 ENDMODULE

@@ -540,7 +540,7 @@ fn settings_that_no_measurement_has_are_refused_and_lists_may_begin_with_a_minus
 #[test]
 fn a_standard_error_that_nobody_reads_does_not_end_a_run() {
     let place = planned(2);
-    let cell = place.cell(&[]);
+    let cell = place.cell(&["--placement-mm", "0.001"]);
     let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
     // the tolerance is warned about
     let args = measure_args(&cell, &["--go", "--epsilon-mm", "0.008", "--max-corrections", "100"]);

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 
+use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use trical_device::gauge::uwave_protocol::Status;
@@ -17,7 +18,7 @@ use trical_device::{
     ArmPlant, CellOptions, Fault, PlanEntry, Plant, ProcedureError, ProcedureOptions, Progress, Session, VirtualCell,
     open_controller, open_gauge, run,
 };
-use trical_diagnose::truth::draw_truth;
+use trical_diagnose::truth::{draw_truth, hide};
 use trical_ident::{Dataset, JointSource, ParameterSet, identify};
 use trical_model::{Cell, Forward, Joints, Measured, Model, Pose, Recording, Robot, Row, State};
 use trical_plan::{CollisionModel, MotionWorkspace, PlanOptions, plan_touches, write_plan};
@@ -156,11 +157,17 @@ impl Bench {
             let hit = self.collision.check_motion(from, to, touched, &mut MotionWorkspace::new(&self.collision));
             hit.map_or(Ok(()), |_| Err("the collision model refuses".to_owned()))
         };
+        let nominal = Forward::new(Model::nominal(self.robot.clone(), self.cell.clone()), Vec::new()).unwrap();
+        let tool = |q: &Joints| nominal.world_from_tool(&State::at(q), &mut nominal.workspace());
+        let elsewhere = |at: &Joints, reading: [f64; 3], there: &Joints| {
+            tool(there).inverse().apply(&tool(at).apply(&reading.into())).into()
+        };
         let mut options = ProcedureOptions {
             go: true,
             retreat: Retreat::Approach,
             tcp_in_flange: Some(self.cell.tool.tcp.into()),
             guard: Some(&guard),
+            elsewhere: Some(&elsewhere),
             ..ProcedureOptions::default()
         };
         options.limits.correction = 4.9e-3;
@@ -355,6 +362,29 @@ fn two_hundred_fault_runs_end_complete_or_with_a_clear_stop() {
     );
 }
 
+#[test]
+fn drawn_arms_with_gaps_and_ripples_are_not_said_to_have_stems_that_stick_or_other_axes() {
+    let mut bench = Bench::new();
+    let drawn = bench.truth.clone();
+    let mut complete = 0;
+    for seed in 0..20 {
+        bench.truth = draw_truth(&drawn, 70 + seed).unwrap();
+        let mut wishes = vec![format!("lost_motion_direction@{}", 1 + seed % 6)];
+        wishes.extend((1..=6).map(|joint| format!("gear_ripple@{joint}/{}", 60 + 30 * joint)));
+        hide(&mut bench.truth, &wishes).unwrap();
+        bench.truth.cell.balls.iter_mut().for_each(|ball| *ball += Vector3::new(1e-3, -0.5e-3, 0.5e-3));
+        let folder = tempfile::tempdir().unwrap();
+        let outside = Arc::new(AtomicBool::new(false));
+        let cell = bench.start(seed, Vec::new(), [0.0; 9], &outside);
+        // where a gap keeps touches from closing, or an arm is off too far, it ends otherwise
+        match bench.measure(&cell, &folder.path().join("run.mcap"), 5.0) {
+            Ok(()) => complete += 1,
+            Err(error) => assert!(!error.contains("channels and signs"), "{seed}: {error}"),
+        }
+    }
+    assert!(complete > 10, "{complete} of 20");
+}
+
 /// The program itself, against a cell: its exit code, and what it said. `end` ends it: a signal, and after how long.
 fn program(
     folder: &std::path::Path,
@@ -452,6 +482,47 @@ fn sessions_that_are_killed_at_any_moment_are_gone_on_with() {
     eight_at_once(runs, &one);
     assert!(!outside.load(Ordering::Relaxed), "the arm was outside its limits, or met something");
     println!("{runs} sessions of the program: {:?}", told.lock().unwrap());
+}
+
+#[test]
+fn a_recording_is_not_gone_on_with_on_another_arm_of_the_same_type() {
+    let bench = Bench::new();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    // one that tells no number is taken for the same
+    for (number, says) in
+        [(Some("120-1"), ""), (None, ""), (Some("120-2"), "number 120-2, expected 120-1"), (Some("120-1"), "")]
+    {
+        let serial_number = number.map(str::to_owned);
+        let options = CellOptions { serial_number, ..CellOptions::like_a_real_one(&bench.truth, 1, 0) };
+        let cell = VirtualCell::start(Box::new(ArmPlant::new(&bench.truth).unwrap()), options).unwrap();
+        let cancel = AtomicBool::new(false);
+        let session = Session {
+            robot: &bench.robot,
+            cell: &bench.cell,
+            plan: &bench.plan,
+            stride: None,
+            gauge: &cell.gauge_url(),
+            controller: &cell.controller_url(),
+            out: &path,
+            resume: path.exists(),
+            go: true,
+            settings: &Settings::default(),
+            start_ns: 1_800_000_000_000_000_000,
+            guard: &|_, _, _| Ok(()),
+            cancel: &cancel,
+            stops: None,
+        };
+        let before = std::fs::read(&path).unwrap_or_default();
+        let one_more = &mut |p| {
+            cancel.fetch_or(matches!(p, Progress::Measured { .. }), Ordering::Relaxed);
+        };
+        let error = session.perform(one_more).unwrap_err();
+        let refused = error.to_string().contains("with another arm: the controller has serial");
+        assert!(error.to_string().contains(says) && refused != says.is_empty(), "{error}");
+        assert_eq!((cell.motions() == 0, std::fs::read(&path).unwrap() == before), (refused, refused));
+    }
+    assert_eq!(read_recording(&path).unwrap().recording.rows.len(), 3);
 }
 
 #[test]

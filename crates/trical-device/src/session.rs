@@ -102,6 +102,9 @@ pub enum SessionError {
 /// A recording that is gone on with after a longer break tells of a wrong clock rather, s: a year.
 const LONGEST_BREAK_S: f64 = 366.0 * 86_400.0;
 
+/// Setting of a recording: serial number of the controller.
+const SERIAL_NUMBER: &str = "serial_number";
+
 /// Nanoseconds since 1970.
 #[must_use]
 pub fn now_ns() -> u64 {
@@ -198,13 +201,16 @@ impl Session<'_> {
         options.guard = Some(self.guard);
         let corrected = self.corrected()?;
         options.corrected = Some(&corrected);
+        let elsewhere = self.elsewhere()?;
+        options.elsewhere = Some(&elsewhere);
         if !self.go {
             return self.rehearse(&mut options);
         }
         check_not_written(self.out).map_err(SessionError::Recording)?;
         let mut gauge = open_gauge(self.gauge).map_err(SessionError::Gauge)?;
         let mut controller = self.open_controller()?;
-        let mut log = self.open(&mut options, watch).map_err(SessionError::Recording)?;
+        let serial_number = controller.serial_number().map_err(SessionError::Controller)?;
+        let mut log = self.open(&mut options, serial_number, watch).map_err(SessionError::Recording)?;
         let result = run(self.plan, (gauge.as_mut(), controller.as_mut()), &mut log, &options, self.cancel, watch);
         let finished = log.finish();
         let report = result.map_err(SessionError::Run)?;
@@ -222,6 +228,17 @@ impl Session<'_> {
             // the controller's tool has the axes of the flange
             tool.translation += nominal.world_from_flange(&state, ws).rotation * Vector3::from(by);
             continue_from(&nominal, &tool, &state, ws).map_err(|e| e.to_string())
+        })
+    }
+
+    /// What a reading is elsewhere, by the nominal arm.
+    fn elsewhere(&self) -> Result<impl Fn(&Joints, [f64; 3], &Joints) -> [f64; 3], ModelError> {
+        let nominal = Forward::new(Model::nominal(self.robot.clone(), self.cell.clone()), Vec::new())?;
+        let ws = RefCell::new(nominal.workspace());
+        Ok(move |at: &Joints, reading: [f64; 3], there: &Joints| {
+            let ws = &mut *ws.borrow_mut();
+            let ball = nominal.world_from_tool(&State::at(at), ws).apply(&Vector3::from(reading));
+            nominal.world_from_tool(&State::at(there), ws).inverse().apply(&ball).into()
         })
     }
 
@@ -246,12 +263,18 @@ impl Session<'_> {
     fn open(
         &self,
         options: &mut ProcedureOptions<'_>,
+        serial_number: Option<String>,
         watch: &mut dyn FnMut(Progress),
     ) -> Result<RecordingWriter, RecordError> {
+        let mut header = self.header();
+        header.settings.extend(serial_number.map(|number| (SERIAL_NUMBER.to_owned(), number)));
         if !self.resume {
-            return RecordingWriter::create(self.out, &self.header());
+            return RecordingWriter::create(self.out, &header);
         }
-        let (log, before) = RecordingWriter::resume(self.out, &self.header())?;
+        if self.out.exists() {
+            self.check_same_arm(&check_same(self.out, &header)?, &header)?;
+        }
+        let (log, before) = RecordingWriter::resume(self.out, &header)?;
         let Some(before) = before else {
             watch(Progress::Warning(self.nothing_to_go_on_with()));
             return Ok(log);
@@ -274,6 +297,18 @@ impl Session<'_> {
         }
         options.begin_t = self.goes_on_at(&log, watch);
         Ok(log)
+    }
+
+    /// Another arm of the same type has the same robot file, and other errors.
+    fn check_same_arm(&self, before: &ReadRecording, header: &Header) -> Result<(), RecordError> {
+        let expected = before.metadata.values().find_map(|settings| settings.get(SERIAL_NUMBER));
+        match header.settings.get(SERIAL_NUMBER).zip(expected) {
+            Some((found, expected)) if found != expected => Err(RecordError::Different {
+                path: self.out.to_owned(),
+                what: format!("arm: the controller has serial number {found}, expected {expected}"),
+            }),
+            _ => Ok(()),
+        }
     }
 
     /// A name that was mistyped begins a recording of its own.
@@ -394,7 +429,7 @@ mod tests {
                 stops: None,
             };
             let mut told = Vec::new();
-            let log = session.open(&mut session.options(), &mut |p| {
+            let log = session.open(&mut session.options(), None, &mut |p| {
                 if let Progress::Warning(w) = p {
                     told.push(w);
                 }

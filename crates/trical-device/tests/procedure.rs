@@ -4,7 +4,7 @@ use std::cell::{Cell, RefCell};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::common::{BALLS, Bench, Gantry, bench, nominal, options, plan};
+use crate::common::{BALLS, Bench, Gantry, bench, nominal, options, plan, rotation};
 use nalgebra::Vector3;
 use trical_device::controller::{JointSettle, StopCount};
 use trical_device::procedure::{Retreat, Violation, stride, visits};
@@ -342,6 +342,31 @@ fn a_stem_that_does_not_follow_is_no_measurement() {
     let error = stuck.run(&[entry], &options()).unwrap_err();
     assert!(matches!(error.violation(), Some(Violation::Stale { axis: 'z', .. })), "{error}");
     assert!(stuck.rows.is_empty());
+}
+
+#[test]
+fn stems_that_stick_about_zero_are_noticed_before_a_touch_is_far_off() {
+    // what the gantry's joints are worth is known exactly; with less than 0.13 mm to each side no touch is off by more than that
+    for (within_um, noticed) in [(600, 10), (300, 10), (200, 10), (120, 0)] {
+        let mut stopped = 0;
+        for seed in 0..10 {
+            let error = std::array::from_fn(|k| (0.7 + 0.1 * f64::from(seed) + k as f64).sin() * 0.5e-3);
+            let mut bench = Bench::new(Gantry { error, ..Gantry::default() }, CellOptions::default());
+            (0..3).for_each(|axis| bench.cell.inject(Fault::StickingStem { axis, within_um }));
+            let options = ProcedureOptions { epsilon: 20e-6, repeatability: 10e-6, ..options() };
+            let ended = bench.run(&plan(15), &options);
+            let error = Vector3::from(error);
+            let far = bench.rows.iter().map(|row| {
+                let Measured::Touch { ball, reading } = row.measured else { panic!("no touch") };
+                let off = nominal(&row.state.q).apply(&Vector3::from(reading)) + error - Vector3::from(BALLS[ball]);
+                (rotation(&row.state.q).transpose() * off).amax()
+            });
+            let far = far.fold(0.0, f64::max);
+            assert!(far < 0.14e-3, "{within_um} {seed}: off by {far}");
+            stopped += usize::from(ended.is_err_and(|e| matches!(e.violation(), Some(Violation::WrongChange { .. }))));
+        }
+        assert!(stopped >= noticed, "{within_um}: {stopped}");
+    }
 }
 
 #[test]

@@ -56,6 +56,7 @@ fn every_code_of_the_protocol_is_served() {
         code::STREAM,
         code::TEMPERATURE,
         code::IDENTIFY,
+        code::SERIAL_NUMBER,
         code::CLOSE,
     ] {
         assert!(statements.contains(&format!("CASE {code}:")), "code {code}");
@@ -124,11 +125,11 @@ fn joints_are_read_after_the_arm_has_settled() {
 #[test]
 fn the_module_of_the_web_services_has_what_the_client_writes_and_reads() {
     let module = read("TriCalRws.mod");
-    for name in ["PERS num nReq{8}", "PERS num nSeq", "PERS num nAck", "PERS num nOk", "PERS string sReply"] {
+    for name in ["PERS num nReq{10}", "PERS num nAck", "PERS num nOk", "PERS string sReply"] {
         assert!(module.contains(name), "{name}");
     }
     let statements = statements_of(&module);
-    for code in [code::MOVE_JOINTS, code::TOOL, code::SPEED, code::CORRECT, code::IDENTIFY] {
+    for code in [code::MOVE_JOINTS, code::TOOL, code::SPEED, code::CORRECT, code::IDENTIFY, code::SERIAL_NUMBER] {
         assert!(statements.contains(&format!("CASE {code}:")), "code {code}");
     }
     assert!(module.contains(&format!("LOCAL CONST num VERSION:={};", protocol::VERSION)));

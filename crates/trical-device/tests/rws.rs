@@ -105,7 +105,7 @@ fn motions_go_by_the_handshake_and_are_sampled() {
             "[6,18.00000,-12.00000,118.00000,1.00000,0.00000,0.00000,0.00000]",
         ]
     );
-    assert_eq!(robot.variables["nSeq"], "46");
+    assert_eq!(robot.variables["nAck"].parse::<f64>().unwrap(), robot.request()[0]);
 }
 
 #[test]
@@ -155,21 +155,59 @@ fn a_stop_that_is_never_confirmed_is_told_with_what_failed_before() {
 }
 
 #[test]
-fn a_number_that_was_sent_is_never_used_again_whether_it_arrived_or_not() {
+fn a_request_is_done_once_whether_it_is_said_to_have_arrived_or_not() {
     let (mut client, robot) = connect();
     client.set_speed(0.01, 0.1).unwrap();
-    for (arrives, number) in [(true, "45"), (false, "47")] {
+    for (arrives, done) in [(true, 2), (false, 1)] {
         let before = robot.lock().unwrap().seen.len();
-        robot.lock().unwrap().bad = vec![("nSeq?action=set", arrives)];
+        robot.lock().unwrap().bad = vec![("nReq?action=set", arrives)];
         assert!(client.set_tool([0.01, 0.0, 0.0]).is_err());
         // one that did arrive is done first
         while client.set_tool([0.02, 0.0, 0.0]).is_err() {}
-        let robot = robot.lock().unwrap();
-        assert_eq!(
-            (robot.seen.len() - before, robot.variables["nSeq"].as_str()),
-            (if arrives { 2 } else { 1 }, number)
-        );
+        assert_eq!(robot.lock().unwrap().seen.len() - before, done);
     }
+    // it is taken with a 204, and is not there
+    robot.lock().unwrap().loses = true;
+    let before = robot.lock().unwrap().seen.len();
+    let error = client.move_joints(&[0.1; 9]).unwrap_err();
+    assert!(matches!(error, ControllerError::Silent { .. }), "{error}");
+    robot.lock().unwrap().loses = false;
+    client.correct([1e-3, 0.0, 0.0]).unwrap();
+    let robot = robot.lock().unwrap();
+    assert_eq!(robot.seen[before..], ["[20,1.00000,0.00000,0.00000,0.00000,0.00000,0.00000,0.00000]"]);
+}
+
+#[test]
+fn of_two_programs_on_one_controller_the_first_one_ends_and_neither_takes_a_motion_for_its_own() {
+    let (address, robot) = server();
+    let [mut first, mut second] = [(), ()].map(|()| RwsClient::connect(&address, settings()).unwrap());
+    first.move_joints(&[0.1; 9]).unwrap();
+    second.move_joints(&[0.2; 9]).unwrap();
+    for _ in 0..2 {
+        let error = first.move_joints(&[0.3; 9]).unwrap_err();
+        assert!(matches!(error, ControllerError::OtherProgram { .. }), "{error}");
+        assert!(error.to_string().contains("another program commands it, too"), "{error}");
+    }
+    second.move_joints(&[0.4; 9]).unwrap();
+    assert_eq!(robot.lock().unwrap().seen.len(), 5);
+    // it comes in the middle of a motion
+    robot.lock().unwrap().never_answers = true;
+    let shared = Arc::clone(&robot);
+    std::thread::spawn(move || {
+        std::thread::sleep(Duration::from_millis(50));
+        shared.lock().unwrap().variables.insert("nReq".to_owned(), "[7,20,1,0,0,0,0,0,0,7]".to_owned());
+    });
+    let error = second.move_joints(&[0.5; 9]).unwrap_err();
+    assert!(matches!(error, ControllerError::OtherProgram { found: 7, .. }), "{error}");
+    assert_eq!(robot.lock().unwrap().stopped, 1, "what moves the arm is not what was asked for");
+}
+
+#[test]
+fn a_module_of_an_earlier_version_is_told() {
+    let (mut client, robot) = connect();
+    robot.lock().unwrap().variables.insert("nReq".to_owned(), "[0,0,0,0,0,0,0,0]".to_owned());
+    let error = client.set_speed(0.01, 0.1).unwrap_err().to_string();
+    assert!(error.contains("load the rapid/TriCalRws.mod of this version"), "{error}");
 }
 
 #[test]
@@ -234,5 +272,6 @@ fn the_url_opens_the_client() {
         open_controller(&format!("rws://{address}?user=Default%20User&password=robotics&settle_ms=0")).unwrap();
     controller.ping().unwrap();
     assert_eq!(controller.temperature().unwrap(), None);
+    assert_eq!(controller.serial_number().unwrap().as_deref(), Some("120-501234"));
     assert!(controller.clock().unwrap() >= 0.0);
 }

@@ -62,8 +62,28 @@ fn a_stop_of_the_robot_ends_the_motion_with_its_reason() {
         client.joints().unwrap();
     }
     let error = client.move_joints(&[0.0; 9]).unwrap_err().to_string();
-    assert!(error.contains("safety mode 3: protective stop"), "{error}");
+    assert!(error.contains("protective stop (safety mode 3): look what the arm has met"), "{error}");
     assert!(robot.lock().unwrap().programs.is_empty(), "nothing is sent to an arm that stands");
+}
+
+#[test]
+fn a_protective_stop_in_the_middle_of_a_motion_is_told_at_once_and_the_program_is_ended() {
+    let (mut client, robot) = impatient();
+    robot.lock().unwrap().creeps = true;
+    let later = Arc::clone(&robot);
+    std::thread::spawn(move || {
+        std::thread::sleep(Duration::from_millis(100));
+        let mut robot = later.lock().unwrap();
+        (robot.creeps, robot.safety) = (false, 3);
+    });
+    let begin = std::time::Instant::now();
+    let error = client.move_joints(&[0.0; 9]).unwrap_err();
+    assert!(matches!(error, ControllerError::SafetyStop { mode: 3, .. }), "{error}");
+    assert!(error.to_string().contains("unlock it at the teach pendant"), "{error}");
+    assert!(begin.elapsed() < Duration::from_secs(5), "{:?}", begin.elapsed());
+    drop(client);
+    // it is not to go on once the arm is unlocked
+    is_stopped(&robot);
 }
 
 #[test]
@@ -188,6 +208,17 @@ fn a_server_that_sends_a_byte_at_a_time_is_not_heard_for_ever() {
     let error = UrClient::connect("127.0.0.1", settings).err().unwrap();
     assert!(matches!(error, ControllerError::Silent { .. }), "{error}");
     assert!(begin.elapsed() < Duration::from_secs(5), "{:?}", begin.elapsed());
+}
+
+#[test]
+fn the_dashboard_tells_the_serial_number_where_there_is_one_that_knows_it() {
+    let (mut client, robot) = connect();
+    assert_eq!(client.serial_number().unwrap().as_deref(), Some("20195501234"));
+    robot.lock().unwrap().serial_number = "could not understand: 'get serial number'\n";
+    assert_eq!(client.serial_number().unwrap(), None);
+    let (settings, _robot) = server();
+    let mut client = UrClient::connect("127.0.0.1", UrSettings { dashboard_port: 1, ..settings }).unwrap();
+    assert_eq!(client.serial_number().unwrap(), None);
 }
 
 #[test]

@@ -164,6 +164,14 @@ pub trait Controller: Send {
         Ok(None)
     }
 
+    /// Serial number, where the controller tells one.
+    ///
+    /// # Errors
+    /// No or a wrong answer.
+    fn serial_number(&mut self) -> Result<Option<String>, ControllerError> {
+        Ok(None)
+    }
+
     /// Who may stop a motion under way: it then ends, through the controller, with [`ControllerError::Stopped`]. A controller
     /// without this finishes its motion.
     fn stop_when(&mut self, _count: StopCount) {}
@@ -269,6 +277,31 @@ pub enum ControllerError {
         /// What would be right.
         expected: String,
     },
+    /// The arm stands for its safety.
+    #[error("robot controller {controller}: {what} (safety mode {mode}): {remedy}")]
+    SafetyStop {
+        /// Name of the controller.
+        controller: String,
+        /// The controller's number of it.
+        mode: i32,
+        /// What kind of stop.
+        what: &'static str,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// Another program commands it, too.
+    #[error(
+        "robot controller {controller}: another program commands it, too: it has request {found}, and this program sent {expected}; expected one \
+         program at a time: end the other one"
+    )]
+    OtherProgram {
+        /// Name of the controller.
+        controller: String,
+        /// Number of the request that it has.
+        found: u64,
+        /// Number of the last request of this program.
+        expected: u64,
+    },
     /// The arm stands elsewhere than where it was sent.
     #[error(
         "robot controller {controller}: joint {joint} was sent to {sent_deg:.4} deg and reports {found_deg:.4} deg; expected them to agree \
@@ -342,6 +375,13 @@ impl ControllerError {
     }
 }
 
+/// A serial number out of what a controller answers: one word that has a digit. Others say that there is none, or that they do not understand.
+pub(crate) fn serial_number_in(answer: &str) -> Option<String> {
+    let word = answer.trim();
+    let is_one = word.bytes().all(|b| b.is_ascii_graphic()) && word.bytes().any(|b| b.is_ascii_digit());
+    is_one.then(|| word.to_owned())
+}
+
 /// How far a joint may stand from where it was sent, rad.
 pub(crate) const ARRIVAL: f64 = 0.02 * std::f64::consts::PI / 180.0;
 
@@ -401,7 +441,7 @@ pub(crate) fn connected(address: &str, timeout: Duration, read: Duration) -> Res
 /// `login=factory` for those of every new controller; `certificate` (PEM file: https, default port 443), `task`, `module`, `unit`, `timeout_s`, `move_timeout_s`, `poll_ms`, `settle_ms`.
 ///
 /// `ur://host` is a Universal Robots controller in remote control: URScript and RTDE. Options: `timeout_s`,
-/// `move_timeout_s`, `settle_ms`, `max_correction_mm`, `rtde_port`, `script_port`.
+/// `move_timeout_s`, `settle_ms`, `max_correction_mm`, `rtde_port`, `script_port`, `dashboard_port`.
 ///
 /// # Errors
 /// A URL that cannot be used, no connection, or something else that answers there.
@@ -510,12 +550,13 @@ fn ur_settings(url: &mut DeviceUrl) -> Result<UrSettings, UrlError> {
     let settings = UrSettings {
         rtde_port: url.take_number("rtde_port", f64::from(defaults.rtde_port), 1.0..=65_535.0)? as u16,
         script_port: url.take_number("script_port", f64::from(defaults.script_port), 1.0..=65_535.0)? as u16,
+        dashboard_port: url.take_number("dashboard_port", f64::from(defaults.dashboard_port), 1.0..=65_535.0)? as u16,
         timeout: seconds(url, "timeout_s", defaults.timeout)?,
         move_timeout: seconds(url, "move_timeout_s", defaults.move_timeout)?,
         correction_limit: url.take_number("max_correction_mm", defaults.correction_limit * 1e3, 0.0..=10.0)? * 1e-3,
         settle: settle(url)?,
     };
-    url.finish("timeout_s, move_timeout_s, settle_ms, max_correction_mm, rtde_port, script_port")?;
+    url.finish("timeout_s, move_timeout_s, settle_ms, max_correction_mm, rtde_port, script_port, dashboard_port")?;
     if says_port(&url.place) {
         return Err(url.error("a port behind the host; expected rtde_port= and script_port="));
     }
@@ -601,6 +642,14 @@ mod tests {
         assert!(
             says("ur://[::1]:30002").contains("a port behind the host") && says("ur://10.0.0.1:2").contains("a port")
         );
+    }
+
+    #[test]
+    fn only_one_word_with_a_digit_is_a_serial_number() {
+        assert_eq!(serial_number_in(" 120-501234\r\n").as_deref(), Some("120-501234"));
+        for none in ["", "could not understand: 'get serial number 1'", "unknown", "-"] {
+            assert_eq!(serial_number_in(none), None, "{none}");
+        }
     }
 
     #[test]

@@ -9,7 +9,7 @@ use trical_model::recording::{Joints, MAX_JOINTS};
 use super::rapid_protocol::{self as protocol, Reply, code};
 use super::{
     Controller, ControllerError, JointSettle, LOOK_FOR_STOP, Motion, STOP_TIMEOUT, StopCount, Stops, confirmed_stop,
-    connected,
+    connected, serial_number_in,
 };
 use crate::gauge::port::{Port, is_not_yet};
 use crate::gauge::shorten;
@@ -418,6 +418,14 @@ impl<S: Port> Controller for RapidClient<S> {
             Some([]) => Ok(None),
             Some([temperature]) => Ok(Some(*temperature)),
             _ => Err(self.garbage("23 #", answer.as_bytes(), "a temperature in degC")),
+        }
+    }
+
+    fn serial_number(&mut self) -> Result<Option<String>, ControllerError> {
+        match self.simple(code::SERIAL_NUMBER, &[], 0) {
+            // a module of an earlier version
+            Err(ControllerError::Refused { .. }) => Ok(None),
+            other => other.map(|answer| serial_number_in(&answer)),
         }
     }
 

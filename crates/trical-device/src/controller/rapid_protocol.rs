@@ -20,6 +20,7 @@
 //! | 25 | stop the motion under way; taken while it is | after the motion's own reply, which is refused |
 //! | 26 | alive? taken while the arm moves; a module that hears nothing for some seconds then stops it | |
 //! | 27 | `SECRET`: the first message, where the module has one; a word, not a number | |
+//! | 28 | serial number | what the controller says |
 //! | 30 | (never requested) | `seconds j1 .. j6`: a sample of the stream |
 //! | 99 | close | |
 
@@ -58,6 +59,8 @@ pub mod code {
     pub const ALIVE: u8 = 26;
     /// Give the secret.
     pub const LOGIN: u8 = 27;
+    /// Report the serial number.
+    pub const SERIAL_NUMBER: u8 = 28;
     /// A sample of the stream.
     pub const SAMPLE: u8 = 30;
     /// Close the connection.

@@ -3,6 +3,8 @@
 //! Nothing here was tried on a real controller. That setting a variable needs no mastership in automatic mode is what the
 //! manual says for a local program; where a controller asks for it, it answers 403, and the error says so \[I\].
 
+use std::collections::hash_map::RandomState;
+use std::hash::{BuildHasher, Hasher};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -13,7 +15,9 @@ use ureq::tls::{Certificate, RootCerts, TlsConfig};
 
 use super::rapid_protocol::{self, code};
 use super::rws_protocol as protocol;
-use super::{Controller, ControllerError, JointSettle, Motion, STOP_TIMEOUT, StopCount, Stops, confirmed_stop};
+use super::{
+    Controller, ControllerError, JointSettle, Motion, STOP_TIMEOUT, StopCount, Stops, confirmed_stop, serial_number_in,
+};
 use crate::gauge::shorten;
 use crate::url::Secret;
 use trical_recording::motion::JointSample;
@@ -77,8 +81,9 @@ pub struct RwsClient {
     cookies: Vec<(String, String)>,
     joints: usize,
     begin: Instant,
-    /// Number of the last request; `None` = the module was not asked yet.
-    sequence: Option<u64>,
+    /// What the module may show as the number of its request: the one that was there before, where the last that was sent is lost, and that one.
+    /// `None` = the module was not asked yet.
+    known: Option<[u64; 2]>,
     history: Vec<JointSample>,
     slides: [bool; MAX_JOINTS],
     stops: Stops,
@@ -114,7 +119,7 @@ impl RwsClient {
             cookies: Vec::new(),
             joints: 0,
             begin: Instant::now(),
-            sequence: None,
+            known: None,
             history: Vec::new(),
             slides: [false; MAX_JOINTS],
             stops: Stops::default(),
@@ -227,18 +232,30 @@ impl RwsClient {
 
     fn number(&mut self, name: &str) -> Result<u64, ControllerError> {
         let text = self.get(name)?;
-        let number = text.trim().parse::<f64>().ok().filter(|v| v.fract() == 0.0 && (0.0..1e7).contains(v));
-        number.map(|v| v as u64).ok_or_else(|| self.garbage(name, &text, "a whole number"))
+        protocol::parse_number(&text).ok_or_else(|| self.garbage(name, &text, "a whole number"))
     }
 
-    /// The handshake: parameters, then a new number; done when the module shows the same number.
+    /// Number of the request that the module shows, which has to be one of these: only one program may command.
+    fn shown(&mut self, known: Option<[u64; 2]>) -> Result<u64, ControllerError> {
+        let text = self.get("nReq")?;
+        let shown = protocol::request_number(&text).ok_or_else(|| {
+            self.garbage("nReq", &text, "ten numbers; load the rapid/TriCalRws.mod of this version into the controller")
+        })?;
+        match known {
+            Some(known) if !known.contains(&shown) => {
+                Err(ControllerError::OtherProgram { controller: self.name.clone(), found: shown, expected: known[1] })
+            }
+            _ => Ok(shown),
+        }
+    }
+
+    /// The handshake: a request with a new number; done when the module shows the same number as done.
     fn command(&mut self, wanted: u8, parameters: &[f64], timeout: Duration) -> Result<String, ControllerError> {
-        if self.sequence.is_none() {
-            self.sequence = Some(self.number("nSeq")?);
+        if self.known.is_none() {
             let answer = self.handshake(code::IDENTIFY, &[], self.settings.timeout)?;
             let version = answer.split_ascii_whitespace().nth(1).and_then(|v| v.parse::<u32>().ok());
             if !answer.starts_with("TriCal ") || version != Some(rapid_protocol::VERSION) {
-                self.sequence = None;
+                self.known = None;
                 let expected = format!("TriCal {}; load rapid/TriCalRws.mod", rapid_protocol::VERSION);
                 return Err(self.garbage("24", &answer, &expected));
             }
@@ -247,44 +264,45 @@ impl RwsClient {
     }
 
     fn handshake(&mut self, wanted: u8, parameters: &[f64], timeout: Duration) -> Result<String, ControllerError> {
-        let last = self.sequence.unwrap_or(0);
+        let shown = self.shown(self.known)?;
         // a request that was not answered may still be under way: a new one would run into it
-        let done = self.number("nAck")?;
-        if done != last && done != self.number("nSeq")? {
+        if self.number("nAck")? != shown {
             let reason = "the module is still busy with a request before, or does not run; start TriCalRwsLoop";
             return Err(ControllerError::refused(&self.name, &format!("{wanted:02}"), reason));
         }
-        // single precision counts to 16 777 216
-        let next = (last.max(done) + 1) % 1_000_000;
-        let request = protocol::request_value(wanted, parameters);
+        let next = new_number(shown);
+        let request = protocol::request_value(next, wanted, parameters);
         let moves = matches!(wanted, code::MOVE_JOINTS | code::CORRECT);
         let motion = moves.then(|| self.stops.begin()).transpose()?;
-        self.set("nReq", &request)?;
-        // whether the module gets it or not: a number that was sent is never used again
-        self.sequence = Some(next);
+        // whether the module gets it or not
+        self.known = Some([shown, next]);
         let followed =
-            self.set("nSeq", &next.to_string()).and_then(|()| self.follow(next, &request, timeout, motion.as_ref()));
+            self.set("nReq", &request).and_then(|()| self.follow([shown, next], &request, timeout, motion.as_ref()));
         match followed {
             Err(error) if moves => return Err(self.end_motion(error)),
             other => other?,
         }
         let ok = self.number("nOk")?;
         let reply = protocol::unquoted(&self.get("sReply")?).to_owned();
+        // still the answer to this request
+        self.shown(Some([next; 2]))?;
         if ok == 1 { Ok(reply) } else { Err(ControllerError::refused(&self.name, &request, reply)) }
     }
-}
 
-impl RwsClient {
     /// Waits until a request is done; joints are sampled in a motion.
     fn follow(
         &mut self,
-        number: u64,
+        known: [u64; 2],
         request: &str,
         timeout: Duration,
         motion: Option<&Motion>,
     ) -> Result<(), ControllerError> {
         let begin = Instant::now();
-        while self.number("nAck")? != number {
+        loop {
+            self.shown(Some(known))?;
+            if self.number("nAck")? == known[1] {
+                return Ok(());
+            }
             if motion.is_some_and(Motion::is_to_stop) {
                 return Err(ControllerError::Stopped);
             }
@@ -297,7 +315,6 @@ impl RwsClient {
             }
             std::thread::sleep(self.settings.poll);
         }
-        Ok(())
     }
 
     /// Stops a motion that is not waited for any more, whatever the reason: the whole program stops, and has to be started again by
@@ -312,6 +329,12 @@ impl RwsClient {
         }
         if matches!(error, ControllerError::Stopped) { confirmed_stop(self) } else { error }
     }
+}
+
+/// Another number than this, which no other program draws at the same time but once in a million. Single precision counts to 16 777 216.
+fn new_number(before: u64) -> u64 {
+    let drawn = 1 + RandomState::new().build_hasher().finish() % 999_998;
+    if drawn < before { drawn } else { drawn + 1 }
 }
 
 impl Controller for RwsClient {
@@ -358,6 +381,10 @@ impl Controller for RwsClient {
     /// The clock of this computer since the connection was made: the services' own has whole seconds only.
     fn clock(&mut self) -> Result<f64, ControllerError> {
         Ok(self.begin.elapsed().as_secs_f64())
+    }
+
+    fn serial_number(&mut self) -> Result<Option<String>, ControllerError> {
+        Ok(serial_number_in(&self.command(code::SERIAL_NUMBER, &[], self.settings.timeout)?))
     }
 
     fn stop_when(&mut self, count: StopCount) {

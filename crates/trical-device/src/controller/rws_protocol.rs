@@ -61,13 +61,28 @@ pub fn unquoted(text: &str) -> &str {
     text.strip_prefix('"').and_then(|text| text.strip_suffix('"')).unwrap_or(text)
 }
 
-/// A request as the array that the RAPID loop reads: the code and seven numbers.
+/// A request as the array that the RAPID loop reads: its number, the code, seven numbers, and its number again.
 #[must_use]
-pub fn request_value(code: u8, parameters: &[f64]) -> String {
-    let mut words = vec![code.to_string()];
+pub fn request_value(number: u64, code: u8, parameters: &[f64]) -> String {
+    let mut words = vec![number.to_string(), code.to_string()];
     // RAPID numbers are single precision: five decimals are all there is
     words.extend((0..7).map(|k| format!("{:.5}", parameters.get(k).copied().unwrap_or(0.0))));
+    words.push(number.to_string());
     format!("[{}]", words.join(","))
+}
+
+/// A whole number of the module.
+#[must_use]
+pub fn parse_number(text: &str) -> Option<u64> {
+    let number = text.trim().parse::<f64>().ok().filter(|v| v.fract() == 0.0 && (0.0..1e7).contains(v));
+    number.map(|v| v as u64)
+}
+
+/// Number of the request that stands in the array.
+#[must_use]
+pub fn request_number(value: &str) -> Option<u64> {
+    let words: Vec<&str> = value.trim().strip_prefix('[')?.strip_suffix(']')?.split(',').collect();
+    parse_number(words.first().filter(|_| words.len() == 10)?)
 }
 
 #[cfg(test)]
@@ -95,11 +110,13 @@ mod tests {
     #[test]
     fn requests_as_rapid_reads_them() {
         assert_eq!(
-            request_value(20, &[0.25, -1.0, 0.0]),
-            "[20,0.25000,-1.00000,0.00000,0.00000,0.00000,0.00000,0.00000]"
+            request_value(46, 20, &[0.25, -1.0, 0.0]),
+            "[46,20,0.25000,-1.00000,0.00000,0.00000,0.00000,0.00000,0.00000,46]"
         );
+        assert_eq!(request_number("[46,20,0.25,-1,0,0,0,0,0,46]"), Some(46));
+        assert_eq!(request_number("[20,0.25,-1,0,0,0,0,0]"), None, "that of an earlier version");
         assert_eq!(joints_path("ROB_1"), "/rw/motionsystem/mechunits/ROB_1/jointtarget?json=1");
-        assert_eq!(variable_path("T_ROB1", "TriCalRws", "nSeq"), "/rw/rapid/symbol/data/RAPID/T_ROB1/TriCalRws/nSeq");
+        assert_eq!(variable_path("T_ROB1", "TriCalRws", "nAck"), "/rw/rapid/symbol/data/RAPID/T_ROB1/TriCalRws/nAck");
     }
 
     proptest! {
@@ -107,6 +124,7 @@ mod tests {
         fn any_answer_is_refused_or_taken_without_a_panic(text in ".{0,200}", value in "[0-9eE+.\\-\"]{0,12}") {
             let _ = parse_joints(&text, &[]);
             let _ = parse_value(&text);
+            let _ = request_number(&text);
             let body = format!("{{\"_embedded\":{{\"_state\":[{{\"rax_1\":\"{}\"}}]}}}}", value.replace('"', ""));
             if let Some((q, _)) = parse_joints(&body, &[]) {
                 prop_assert!(q.iter().all(|q| q.is_finite()));

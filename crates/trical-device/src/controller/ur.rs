@@ -14,7 +14,7 @@ use trical_model::recording::Joints;
 use super::rtde::{self, State, kind};
 use super::{
     Controller, ControllerError, JointSettle, LOOK_FOR_STOP, StopCount, Stops, confirmed_stop, connected,
-    largest_difference,
+    largest_difference, serial_number_in,
 };
 use trical_recording::motion::JointSample;
 
@@ -25,6 +25,8 @@ pub struct UrSettings {
     pub rtde_port: u16,
     /// Port that takes programs.
     pub script_port: u16,
+    /// Port of the dashboard server, which tells the serial number. \[I\]: from which version on it does.
+    pub dashboard_port: u16,
     /// How long an answer may take.
     pub timeout: Duration,
     /// How long a motion may take.
@@ -40,6 +42,7 @@ impl Default for UrSettings {
         Self {
             rtde_port: 30_004,
             script_port: 30_002,
+            dashboard_port: 29_999,
             timeout: Duration::from_secs(5),
             move_timeout: Duration::from_secs(120),
             correction_limit: 5e-3,
@@ -101,6 +104,7 @@ fn joints(state: &State) -> Joints {
 /// A Universal Robots controller.
 pub struct UrClient {
     name: String,
+    host: String,
     settings: UrSettings,
     shared: Arc<Shared>,
     data: TcpStream,
@@ -151,6 +155,7 @@ impl UrClient {
         std::thread::Builder::new().name("ur program port".to_owned()).spawn(drain).map_err(failed)?;
         let client = Self {
             name,
+            host: host.to_owned(),
             settings,
             shared,
             data,
@@ -202,20 +207,21 @@ impl UrClient {
         })
     }
 
-    fn standing(&self, state: &State, request: &str) -> Result<(), ControllerError> {
-        if matches!(state.safety, 1 | 2) {
-            return Ok(());
-        }
-        let meaning = match state.safety {
-            3 => "protective stop",
-            4 => "recovery",
-            5 => "safeguard stop",
-            6 | 7 => "emergency stop",
-            8 => "violation",
-            9 => "fault",
-            _ => "not in normal operation",
+    /// Whether the arm may move: it has stopped for its safety in all modes but two.
+    fn check_safety(&self, state: &State) -> Result<(), ControllerError> {
+        let (what, remedy) = match state.safety {
+            1 | 2 => return Ok(()),
+            3 => (
+                "protective stop",
+                "look what the arm has met, or what load and tool it is set to; unlock it at the teach pendant, and jog it to a free place",
+            ),
+            4 => ("recovery mode", "move the arm back within its limits at the teach pendant"),
+            5 => ("safeguard stop", "close the safeguard (door, light curtain) and reset it"),
+            6 | 7 => ("emergency stop", "release the button once nobody is in danger, and power the arm on again"),
+            8 | 9 => ("violation or fault", "restart the controller's safety system as the teach pendant says"),
+            _ => ("not in normal operation", "look at the teach pendant"),
         };
-        Err(ControllerError::refused(&self.name, request, format!("safety mode {}: {meaning}", state.safety)))
+        Err(ControllerError::SafetyStop { controller: self.name.clone(), mode: state.safety, what, remedy })
     }
 
     fn send(&mut self, program: &str) -> Result<(), ControllerError> {
@@ -248,7 +254,7 @@ impl UrClient {
     /// for its safety, the program is ended: it is not to go on later.
     fn run(&mut self, motion: &str) -> Result<(), ControllerError> {
         let state = self.fresh()?;
-        self.standing(&state, motion)?;
+        self.check_safety(&state)?;
         let number = (state.done.max(0) + 1) % 1_000_000;
         let [x, y, z] = self.tcp;
         let program = format!(
@@ -272,7 +278,7 @@ impl UrClient {
                 return Some(Err(ControllerError::silent(&self.name, "RTDE data", timeout)));
             }
             let now = seen.latest?;
-            if let Err(error) = self.standing(&now, motion) {
+            if let Err(error) = self.check_safety(&now) {
                 return Some(Err(error));
             }
             begun |= is_apart(&state, &now);
@@ -421,6 +427,27 @@ impl Controller for UrClient {
 
     fn clock(&mut self) -> Result<f64, ControllerError> {
         self.fresh().map(|state| state.t)
+    }
+
+    /// The dashboard greets with a line, and answers each command with one. Not every controller has it, and not every one knows the command.
+    fn serial_number(&mut self) -> Result<Option<String>, ControllerError> {
+        let ask = || -> Option<String> {
+            let timeout = self.settings.timeout;
+            let address = format!("{}:{}", self.host, self.settings.dashboard_port);
+            let mut stream = connected(&address, timeout, timeout).ok()?;
+            stream.write_all(b"get serial number\n").ok()?;
+            let (deadline, mut said) = (Instant::now() + timeout, Vec::new());
+            loop {
+                let mut some = [0; 256];
+                let count = stream.read(&mut some).ok().filter(|count| *count > 0 && Instant::now() < deadline)?;
+                said.extend_from_slice(some.get(..count)?);
+                let text = String::from_utf8_lossy(&said);
+                if let Some((answer, _)) = text.split_once('\n').and_then(|(_, behind)| behind.split_once('\n')) {
+                    return serial_number_in(answer);
+                }
+            }
+        };
+        Ok(ask())
     }
 
     fn stop_when(&mut self, count: StopCount) {

@@ -162,6 +162,24 @@ pub enum Violation {
         /// How far it should have changed in mm.
         moved_mm: f64,
     },
+    /// A channel changes otherwise than its ball comes nearer.
+    #[error(
+        "indicator {axis} reads {before_mm:.4} mm just before the touch and {reading_mm:.4} mm at it; expected {expected_mm:.4} mm there within \
+         {allowed_mm:.3} mm: does the stem stick, or was its zero set anew? if not, check the channels and signs of the gauge's axes (x=, y=, z=, \
+         flip=), and that the device is mounted along the axes of the flange"
+    )]
+    WrongChange {
+        /// Which axis.
+        axis: char,
+        /// What it reads before the touch, mm.
+        before_mm: f64,
+        /// What it reads at the touch, mm.
+        reading_mm: f64,
+        /// What it had to read before, mm.
+        expected_mm: f64,
+        /// The difference that is allowed, mm.
+        allowed_mm: f64,
+    },
     /// A channel does not follow the first part of the way out of a touch.
     #[error(
         "indicator {axis} reads {before_mm:.4} mm at the touch and {after_mm:.4} mm on the way out of it; expected a change of {least_mm:.3} mm at least: the stem is stuck, or its transmitter repeats an old value; the touch is not recorded"
@@ -193,8 +211,8 @@ pub enum Violation {
     /// A free stem comes to rest at another reading than before.
     #[error(
         "indicator {axis} reads {reading_mm:.4} mm with its stem free, and read {first_mm:.4} mm there at the first touch; expected a \
-         difference of {limit_mm:.3} mm at most: its zero was set anew, or it has slipped in its clamp; the touch before, if it is \
-         recorded, may be wrong by as much; master the device before going on"
+         difference of {limit_mm:.3} mm at most: its zero was set anew, or it has slipped in its clamp; a touch from which the arm has just come \
+         back is not recorded; master the device before going on"
     )]
     ZeroMoved {
         /// Which axis.

@@ -11,7 +11,7 @@ mod visits;
 use trical_model::recording::{Joints, Row};
 
 pub use error::{ProcedureError, RetreatOutcome, Violation};
-pub use options::{CorrectedJoints, MoveGuard, ProcedureLimits, ProcedureOptions, Retreat};
+pub use options::{CorrectedJoints, MoveGuard, ProcedureLimits, ProcedureOptions, ReadingElsewhere, Retreat};
 pub use run::run;
 pub use steps::dry_run;
 pub use tcp::{FlangeTouch, TcpError, TcpFit, base_from_balls, tcp_from_touches};

@@ -15,6 +15,9 @@ pub type MoveGuard<'a> = &'a (dyn Fn(&Joints, &Joints, Option<usize>) -> Result<
 /// Where the nominal arm's joints would be after a displacement of the tool (m, in its axes); in one sentence, why it cannot go there.
 pub type CorrectedJoints<'a> = &'a (dyn Fn(&Joints, [f64; 3]) -> Result<Joints, String> + 'a);
 
+/// What a reading at the first joint values is at the second, where the ball stands still, by the nominal arm, m.
+pub type ReadingElsewhere<'a> = &'a (dyn Fn(&Joints, [f64; 3], &Joints) -> [f64; 3] + 'a);
+
 /// Limits of the procedure; whatever is beyond ends the run and makes the arm retreat.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ProcedureLimits {
@@ -39,6 +42,12 @@ pub(super) const STALE: f64 = 20e-6;
 /// How far the TCP goes aside along each axis, and back, where a channel showed the same after a smaller correction:
 /// it has to follow before the touch is accepted. Long enough for a gap in a joint of 0.01 deg at 0.5 m.
 pub(super) const CONFIRM: f64 = 0.2e-3;
+/// How far a reading may change otherwise than by the way from the stop before a touch, as a part of that way: axes of arm and device that are 3 deg
+/// off make 0.05 of it, ripples of a gear (30 arcsec, 300 times a turn) 0.04, scale 0.01. Joints go on in the sense in which they came,
+/// so that no gap in them counts.
+pub(super) const CHANGE_OFF: f64 = 0.1;
+/// And in the arm's repeatability: it has stood twice.
+pub(super) const CHANGE_REPEATABILITY: f64 = 3.0;
 /// How far the reading of a free stem may be from that at the first touch: a stem comes to rest at its own stop.
 pub(super) const FREE_CHANGE: f64 = 0.2e-3;
 /// Largest speed of the TCP that is asked for, m/s: that of manual mode.
@@ -99,8 +108,8 @@ pub struct ProcedureOptions<'a> {
     pub stride: Option<u64>,
     /// Joints at which places were found by an earlier run, by number.
     pub known: BTreeMap<u64, Joints>,
-    /// How far beyond the touch a visit from beyond comes from, as a part of the way from the approach point: 1 mm of 30,
-    /// which the stems give and the clearance allows.
+    /// How far before the touch the stems are read, or beyond it a visit from beyond comes from, as a part of the way from the approach point: 1 mm
+    /// of 30, which the stems give and the clearance allows.
     pub beyond: f64,
     /// Temperature in degC, recorded with each measurement where the controller has no sensor.
     pub temp_c: Option<f64>,
@@ -114,6 +123,8 @@ pub struct ProcedureOptions<'a> {
     pub guard: Option<MoveGuard<'a>>,
     /// With this the guard is asked for corrections too, and turns of joints are known before they are made.
     pub corrected: Option<CorrectedJoints<'a>>,
+    /// With this the readings before and at a touch are compared.
+    pub elsewhere: Option<ReadingElsewhere<'a>>,
     /// Told when the arm is led back although the user has asked for the end.
     pub stops: Option<StopCount>,
 }
@@ -141,6 +152,7 @@ impl Default for ProcedureOptions<'_> {
             free: None,
             guard: None,
             corrected: None,
+            elsewhere: None,
             stops: None,
         }
     }

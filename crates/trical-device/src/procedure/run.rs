@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use trical_model::recording::{Joints, Measured, Row, State};
 
-use super::options::{CONFIRM, FREE_CHANGE, JOINT_CHANGE, ROTATION_SPEED};
+use super::options::{CHANGE_OFF, CHANGE_REPEATABILITY, CONFIRM, FREE_CHANGE, JOINT_CHANGE, ROTATION_SPEED};
 use super::steps::{check_finite, check_joints, check_plan, check_standing};
 use super::{
     PlanEntry, ProcedureError, ProcedureOptions, Progress, Retreat, RetreatOutcome, RunReport, Violation, dry_run,
@@ -38,8 +38,7 @@ const STANDING_CLOCK_S: f64 = 10.0;
 /// So many jumps are told.
 const TOLD_JUMPS: usize = 3;
 
-/// Drives through a plan; every accepted touch is in the log before the arm leaves it, but for the last one: it is accepted once the stems are
-/// free again and read as before.
+/// Drives through a plan. A touch is accepted once its stems are free again and read as before; it is in the log before the arm goes on to the next.
 ///
 /// Without [`ProcedureOptions::go`] nothing moves, and the report lists the steps. `cancel` is looked at between steps;
 /// it ends the run like an error does: the arm stops, goes back the way it came, and the error says so.
@@ -91,7 +90,6 @@ pub fn run(
         runner.leave_a_touch(plan).map_err(|violation| ProcedureError::Leave { violation: Box::new(violation) })?;
     }
     let total = plan.len();
-    let last = plan.iter().rposition(|entry| !options.skip.contains(&entry.index));
     for (number, entry) in plan.iter().enumerate() {
         let done = runner.report.measured + runner.report.skipped;
         if options.skip.contains(&entry.index) {
@@ -102,16 +100,16 @@ pub fn run(
         runner.trail = vec![runner.at];
         let led_in = runner.led_in(plan, number);
         let result = match runner.touch(led_in.as_ref().unwrap_or(entry)) {
-            Ok(row) if Some(number) == last => runner.end(entry, row, total),
-            Ok(row) => match runner.accept(row, total) {
-                Ok(()) => runner.leave().map_err(|violation| (violation, RetreatOutcome::Interrupted)),
-                Err(violation) => Err((violation, runner.retreat())),
-            },
+            Ok(row) => runner.end(entry, row, total),
             // whoever moves the arm by hand has it
             Err(violation @ Violation::Stopped) => Err((violation, RetreatOutcome::Stopped)),
             Err(
                 violation @ (Violation::Elsewhere { .. }
-                | Violation::Controller(ControllerError::StopNotConfirmed { .. })),
+                | Violation::Controller(
+                    ControllerError::StopNotConfirmed { .. }
+                    | ControllerError::OtherProgram { .. }
+                    | ControllerError::SafetyStop { .. },
+                )),
             ) => Err((violation, RetreatOutcome::LeftAlone)),
             Err(violation) => Err((violation, runner.retreat())),
         };
@@ -266,9 +264,8 @@ impl Runner<'_, '_> {
             self.check_free()?;
         }
         self.controller.set_speed(options.touch_speed, ROTATION_SPEED)?;
-        self.arrive(entry)?;
         (self.corrections, self.corrected) = (0, 0.0);
-        let mut reading = self.read(entry)?;
+        let mut reading = self.arrive(entry)?;
         // with no way out of the touch, channels that have not followed a correction may be stuck, or repeat an old value
         let mut follows = [!entry.via.is_empty(); 3];
         while norm(&reading) >= options.epsilon || follows.contains(&false) {
@@ -299,8 +296,8 @@ impl Runner<'_, '_> {
         Ok(row)
     }
 
-    /// Leaves the last touch of the run, and accepts it. A zero that was set anew during any other touch is found before the next one; here the
-    /// free stems are read once more, and a touch whose zero is not known is not recorded.
+    /// Leaves a touch, and accepts it unless its free stems show that a zero was set anew, or a stem is stuck: such a touch is not recorded. Whatever
+    /// else happens on the way back, it is.
     fn end(&mut self, entry: &PlanEntry, row: Row, total: usize) -> Result<(), (Violation, RetreatOutcome)> {
         let left = match self.leave() {
             Err(violation) => Err((violation, RetreatOutcome::Interrupted)),
@@ -370,15 +367,16 @@ impl Runner<'_, '_> {
         still
     }
 
-    /// From the approach point to the touch: where it was found at an earlier visit, and then every other time from beyond.
-    fn arrive(&mut self, entry: &PlanEntry) -> Result<(), Violation> {
+    /// From the approach point to the touch: where it was found at an earlier visit, and then every other time from beyond; and what is read there.
+    fn arrive(&mut self, entry: &PlanEntry) -> Result<[f64; 3], Violation> {
         let options = self.options;
         let stride = options.stride.unwrap_or(u64::MAX).max(1);
         let (round, place) = (entry.index / stride, entry.index % stride);
         let found = if round > 0 { self.known.get(&place).copied() } else { None };
         let touch = found.unwrap_or(entry.joints);
         let from_beyond = found.is_some() && round % 2 == 1;
-        let beyond = std::array::from_fn(|k| touch[k] + options.beyond * (touch[k] - self.at[k]));
+        let at_part = |part: f64| -> Joints { std::array::from_fn(|k| touch[k] + part * (touch[k] - self.at[k])) };
+        let (before, beyond) = (at_part(-options.beyond), at_part(options.beyond));
         check_joints(&touch, options)?;
         self.check_cancelled()?;
         // from here on the arm may be on its way, so the way back begins at the point before
@@ -388,7 +386,40 @@ impl Runner<'_, '_> {
             check_joints(&beyond, options)?;
             self.drive(&beyond)?;
         }
-        self.drive(&touch)
+        // from beyond, joints turn round, and a gap in one would count
+        if from_beyond || entry.via.is_empty() {
+            self.drive(&touch)?;
+            return self.read(entry);
+        }
+        check_joints(&before, options)?;
+        self.drive(&before)?;
+        let read_before = self.settled_reading()?;
+        self.drive(&touch)?;
+        let reading = self.read(entry)?;
+        // where it was sent: some controllers round what they report
+        let expected = options.elsewhere.map(|elsewhere| elsewhere(&touch, reading, &before));
+        expected.map_or(Ok(()), |expected| self.check_change(&read_before, &reading, &expected))?;
+        Ok(reading)
+    }
+
+    /// The way from a stop just before the touch is known, and so is what each channel has to read there. A stem that sticks about zero is free
+    /// there, or does not change at all.
+    fn check_change(&self, before: &[f64; 3], reading: &[f64; 3], expected: &[f64; 3]) -> Result<(), Violation> {
+        let way: [f64; 3] = std::array::from_fn(|k| expected[k] - reading[k]);
+        let allowed = CHANGE_OFF * norm(&way) + CHANGE_REPEATABILITY * self.options.repeatability;
+        let [low, high] = self.options.limits.stroke;
+        // a stem that was still free there says nothing
+        let off = |k: &usize| (low..=high).contains(&before[*k]) && (before[*k] - expected[*k]).abs() > allowed;
+        match (0..3).find(off) {
+            None => Ok(()),
+            Some(k) => Err(Violation::WrongChange {
+                axis: AXES[k],
+                before_mm: before[k] * 1e3,
+                reading_mm: reading[k] * 1e3,
+                expected_mm: expected[k] * 1e3,
+                allowed_mm: allowed * 1e3,
+            }),
+        }
     }
 
     fn settled_reading(&mut self) -> Result<[f64; 3], Violation> {

@@ -38,13 +38,14 @@ struct Entry {
     per_mille: Option<u16>,
     ms: Option<u32>,
     by_mm: Option<[f64; 3]>,
+    within_mm: Option<f64>,
     joint: Option<usize>,
     by_deg: Option<f64>,
     by_s: Option<i64>,
 }
 
 const KNOWN: &str = "silent, garbage, unsolicited, drop_bytes, double_bytes, garble_bytes (per_mille), late (ms), pieces, \
-    stale (axis), stuck_stem (axis), status (axis, status), battery_low (axis), swapped_axes, flipped_axis (axis), balls_removed, \
+    stale (axis), stuck_stem (axis), sticking_stem (axis, within_mm), status (axis, status), battery_low (axis), swapped_axes, flipped_axis (axis), balls_removed, \
     slipped_plate (by_mm), jogged (joint, by_deg), clock_jump (by_s), refuse, stuck, stall, drop_connection";
 
 /// Reads a script.
@@ -95,6 +96,10 @@ fn scheduled(e: &Entry) -> std::result::Result<Scheduled, String> {
         "pieces" => Fault::Pieces,
         "stale" => Fault::Stale { axis: axis()? },
         "stuck_stem" => Fault::StuckStem { axis: axis()? },
+        "sticking_stem" => {
+            let within = e.within_mm.filter(|v| (0.0..=1000.0).contains(v)).ok_or("expected within_mm, 0 to 1000")?;
+            Fault::StickingStem { axis: axis()?, within_um: (within * 1e3).round() as u32 }
+        }
         "jogged" => {
             let joint = e.joint.filter(|j| *j >= 1).ok_or("expected joint, counted from 1")? - 1;
             let by_deg = e.by_deg.filter(|v| v.abs() <= 360.0).ok_or("expected by_deg, 360 at most")?;
@@ -161,6 +166,7 @@ mod tests {
         );
         let says = |text: &str| parse(text, "f.toml").unwrap_err().to_string();
         assert!(says("[[fault]]\nwhat = \"stale\"").contains("fault 1 (\"stale\"): expected axis"));
+        assert!(says("[[fault]]\nwhat = \"sticking_stem\"\naxis = \"x\"").contains("expected within_mm"));
         assert!(says("[[fault]]\nwhat = \"fire\"").contains("known are silent"));
         assert!(says("[[fault]]\nwhat = \"silent\"\nwen = 1").contains("line 3"));
         assert!(says("[[fault]]\nwhat = \"silent\"\nafter_s = 1\nafter_motions = 2").contains("more than one"));

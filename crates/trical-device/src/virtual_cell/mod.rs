@@ -37,6 +37,8 @@ pub struct CellOptions {
     pub port: u16,
     /// What a client has to give first; `None` = whoever comes may command.
     pub secret: Option<Secret>,
+    /// Serial number that the controller tells.
+    pub serial_number: Option<String>,
     /// Channels of the indicators along x, y, z.
     pub channels: [u8; 3],
     /// Group of the indicators.
@@ -89,6 +91,7 @@ impl Default for CellOptions {
         Self {
             port: 0,
             secret: None,
+            serial_number: None,
             channels: [0, 1, 2],
             group: 0,
             limits: Vec::new(),
@@ -136,6 +139,13 @@ pub enum Fault {
     StuckStem {
         /// Which axis.
         axis: usize,
+    },
+    /// The stem of an axis sticks while its ball is so near to the tool point, and reads 3 to 5 um there; outside it is free.
+    StickingStem {
+        /// Which axis.
+        axis: usize,
+        /// How near, in thousandths of a mm.
+        within_um: u32,
     },
     /// A person jogs a joint, once.
     Jogged {

@@ -199,6 +199,7 @@ fn reply_to(message: &[u8], world: &mut World) -> Option<String> {
         (code::IDENTIFY, _) => {
             Ok(format!("TriCal {} {count} {:.3}", protocol::VERSION, world.options.correction_limit * 1e3))
         }
+        (code::SERIAL_NUMBER, _) => Ok(world.options.serial_number.clone().unwrap_or_default()),
         (code::CLOSE, _) => return None,
         (code::SPEED | code::CORRECT | code::STREAM, _) => wrong_count(),
         _ => Err("unknown code".to_owned()),

@@ -269,9 +269,12 @@ impl World {
 
     /// What an indicator shows, m.
     pub(super) fn indicator(&self, axis: usize) -> f64 {
-        if self.has(&Fault::StuckStem { axis }) {
-            return [3e-6, 4e-6, 5e-6][(self.motions % 3) as usize];
-        }
+        // how near the ball is where the stem sticks, m
+        let sticks = self.active().find_map(|fault| match fault {
+            Fault::StuckStem { axis: of } if *of == axis => Some(f64::INFINITY),
+            Fault::StickingStem { axis: of, within_um } if *of == axis => Some(f64::from(*within_um) * 1e-6),
+            _ => None,
+        });
         let source = if self.has(&Fault::SwappedAxes) { [1, 0, 2][axis] } else { axis };
         let late = self.stopped.elapsed().as_secs_f64() < self.options.radio_delay;
         let value = if late {
@@ -282,6 +285,9 @@ impl World {
             let resolution = self.options.resolution;
             if off > 0.0 && resolution > 0.0 { (value / resolution).round() * resolution } else { value }
         };
+        if sticks.is_some_and(|near| value.abs() < near) {
+            return [3e-6, 4e-6, 5e-6][(self.motions % 3) as usize];
+        }
         if self.has(&Fault::FlippedAxis { axis }) { -value } else { value }
     }
 

@@ -114,7 +114,15 @@ pub fn plan(count: u64) -> Vec<PlanEntry> {
 
 /// Settings for the virtual cell.
 pub fn options<'a>() -> ProcedureOptions<'a> {
-    ProcedureOptions { go: true, epsilon: 5e-6, repeatability: 1e-6, ..ProcedureOptions::default() }
+    ProcedureOptions {
+        go: true,
+        epsilon: 5e-6,
+        repeatability: 1e-6,
+        elsewhere: Some(&|at, reading, there| {
+            nominal(there).inverse().apply(&nominal(at).apply(&Vector3::from(reading))).into()
+        }),
+        ..ProcedureOptions::default()
+    }
 }
 
 /// A virtual cell with its drivers and what came out of it.

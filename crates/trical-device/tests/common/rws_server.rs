@@ -21,6 +21,8 @@ pub struct Robot {
     /// What the module refuses with.
     pub refuses: Option<String>,
     pub never_answers: bool,
+    /// Takes a request, and does not have it.
+    pub loses: bool,
     /// Moves on, whatever it is told.
     pub creeps: bool,
     /// Requests whose path holds this get status 503, once each, though what they ask for is done (true).
@@ -53,8 +55,7 @@ fn is_authorized(header: &str, method: &str, path: &str) -> bool {
 
 impl Robot {
     pub fn new() -> Self {
-        let variables =
-            [("nReq", "[0,0,0,0,0,0,0,0]"), ("nSeq", "41"), ("nAck", "41"), ("nOk", "1"), ("sReply", "\"\"")];
+        let variables = [("nReq", "[41,0,0,0,0,0,0,0,0,41]"), ("nAck", "41"), ("nOk", "1"), ("sReply", "\"\"")];
         Self {
             variables: variables.map(|(k, v)| (k.to_owned(), v.to_owned())).into(),
             joints: [1.5, -2.0, 0.0, -0.00001, 45.0, 180.25],
@@ -94,27 +95,37 @@ impl Robot {
         }
         assert_eq!(query, "action=set");
         let value = body.strip_prefix("value=").unwrap();
-        self.variables.insert(name.to_owned(), value.to_owned());
-        if name == "nSeq" {
-            self.seen.push(self.variables["nReq"].clone());
-            self.busy = 3;
+        if self.loses {
+            return (204, String::new());
         }
+        self.variables.insert(name.to_owned(), value.to_owned());
+        let numbers = self.request();
+        assert_eq!((numbers.len(), numbers[0]), (10, numbers[9]));
+        let words: Vec<&str> = value.split(',').collect();
+        self.seen.push(format!("[{}]", words[1..9].join(",")));
+        self.busy = 3;
         (204, String::new())
     }
 
+    /// The request as it stands.
+    pub fn request(&self) -> Vec<f64> {
+        self.variables["nReq"].trim_matches(['[', ']']).split(',').map(|v| v.parse().unwrap()).collect()
+    }
+
     fn done(&mut self) {
-        let numbers: Vec<f64> =
-            self.variables["nReq"].trim_matches(['[', ']']).split(',').map(|v| v.parse().unwrap()).collect();
-        assert_eq!(numbers.len(), 8);
-        let refused = self.refuses.clone().filter(|_| numbers[0] != 24.0);
-        if numbers[0] == 2.0 && refused.is_none() {
-            self.joints.copy_from_slice(&numbers[1..7]);
+        let numbers = self.request();
+        let refused = self.refuses.clone().filter(|_| numbers[1] != 24.0);
+        if numbers[1] == 2.0 && refused.is_none() {
+            self.joints.copy_from_slice(&numbers[2..8]);
         }
-        let reply = if numbers[0] == 24.0 { "TriCal 1 6 5.000" } else { "" };
+        let reply = match numbers[1] {
+            24.0 => "TriCal 1 6 5.000",
+            28.0 => "120-501234",
+            _ => "",
+        };
         self.variables.insert("nOk".to_owned(), u8::from(refused.is_none()).to_string());
         self.variables.insert("sReply".to_owned(), format!("\"{}\"", refused.unwrap_or_else(|| reply.to_owned())));
-        let seq = self.variables["nSeq"].clone();
-        self.variables.insert("nAck".to_owned(), seq);
+        self.variables.insert("nAck".to_owned(), numbers[0].to_string());
     }
 }
 

@@ -22,6 +22,8 @@ pub struct Robot {
     /// Closes the connection for data.
     pub closes: bool,
     pub types: &'static str,
+    /// What the dashboard says of it.
+    pub serial_number: &'static str,
 }
 
 fn read_package(stream: &mut TcpStream) -> Option<(u8, Vec<u8>)> {
@@ -109,7 +111,21 @@ fn programs(mut stream: TcpStream, robot: &Mutex<Robot>) {
     }
 }
 
-/// Both ports, and what stands behind them.
+fn data_to(stream: TcpStream, robot: &Mutex<Robot>) {
+    let _ = data(stream, robot);
+}
+
+/// Greets with a line, and answers with one.
+fn dashboard(mut stream: TcpStream, robot: &Mutex<Robot>) {
+    let _ = stream.write_all(b"Connected: Universal Robots Dashboard Server\n");
+    let mut some = [0; 64];
+    while let Ok(count @ 1..) = stream.read(&mut some) {
+        assert_eq!(&some[..count], b"get serial number\n");
+        let _ = stream.write_all(robot.lock().unwrap().serial_number.as_bytes());
+    }
+}
+
+/// All ports, and what stands behind them.
 pub fn server() -> (UrSettings, Arc<Mutex<Robot>>) {
     let robot = Arc::new(Mutex::new(Robot {
         q: [0.1, -1.2, 1.3, -0.4, 0.5, -0.6],
@@ -121,21 +137,16 @@ pub fn server() -> (UrSettings, Arc<Mutex<Robot>>) {
         silent: false,
         closes: false,
         types: rtde::TYPES,
+        serial_number: "20195501234\n",
     }));
-    let ports = [true, false].map(|is_data| {
+    let ports = [data_to as fn(TcpStream, &Mutex<Robot>), programs, dashboard].map(|answers| {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let port = listener.local_addr().unwrap().port();
         let robot = Arc::clone(&robot);
         std::thread::spawn(move || {
             for stream in listener.incoming() {
                 let robot = Arc::clone(&robot);
-                std::thread::spawn(move || {
-                    if is_data {
-                        data(stream.unwrap(), &robot);
-                    } else {
-                        programs(stream.unwrap(), &robot);
-                    }
-                });
+                std::thread::spawn(move || answers(stream.unwrap(), &robot));
             }
         });
         port
@@ -143,6 +154,7 @@ pub fn server() -> (UrSettings, Arc<Mutex<Robot>>) {
     let settings = UrSettings {
         rtde_port: ports[0],
         script_port: ports[1],
+        dashboard_port: ports[2],
         move_timeout: Duration::from_millis(300),
         ..UrSettings::default()
     };

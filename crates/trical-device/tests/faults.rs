@@ -200,23 +200,20 @@ fn a_full_disk_ends_the_run_with_the_arm_back_at_a_free_place() {
         run(&plan(3), (gauge.as_mut(), controller.as_mut()), &mut disk, &options(), &cancel, &mut |_| ()).unwrap_err();
     assert!(error.to_string().contains("run.mcap: cannot write to the disk"), "{error}");
     assert!(error.to_string().contains("went back the way it came"), "{error}");
-    let free = |q: &Joints| q.iter().zip(&cell.state().q).all(|(a, b)| (a - b).abs() < 1e-6);
-    assert!(plan(3).iter().any(|entry| free(&entry.via[0])));
+    assert!(plan(3)[1].via[0].iter().zip(&cell.state().q).all(|(a, b)| (a - b).abs() < 1e-6));
 }
 
 #[test]
 fn a_connection_lost_on_the_way_back_says_that_the_touch_is_recorded() {
     let Bench { cell, mut gauge, mut controller, mut rows, .. } = bench();
     let cancel = AtomicBool::new(false);
-    let guard = |_: &Joints, to: &Joints, touched: Option<usize>| {
-        if *to == plan(1)[0].via[1] && touched.is_some() {
+    let mut watch = |event| {
+        if matches!(event, Progress::Measured { .. }) {
             cell.inject(Fault::DropConnection);
         }
-        Ok(())
     };
-    let options = ProcedureOptions { guard: Some(&guard), ..options() };
     let error =
-        run(&plan(2), (gauge.as_mut(), controller.as_mut()), &mut rows, &options, &cancel, &mut |_| ()).unwrap_err();
+        run(&plan(2), (gauge.as_mut(), controller.as_mut()), &mut rows, &options(), &cancel, &mut watch).unwrap_err();
     assert!(error.to_string().contains("the touch is recorded"), "{error}");
     assert_eq!(rows.len(), 1);
 }
@@ -370,7 +367,7 @@ fn a_jog_that_does_not_arrive_is_told() {
 }
 
 #[test]
-fn a_zero_that_is_set_at_any_time_leaves_no_wrong_row() {
+fn a_zero_that_is_set_at_any_time_of_the_last_touch_leaves_no_wrong_row() {
     let right = |row: &Row| {
         let Measured::Touch { ball, reading } = row.measured else { panic!("no touch") };
         let error = Vector3::from(Gantry::default().error);
@@ -378,14 +375,14 @@ fn a_zero_that_is_set_at_any_time_leaves_no_wrong_row() {
         off.abs().max() < 1e-6
     };
     let (mut refused, mut measured) = (0, 0);
-    for reads in 1..60 {
+    for reads in 1..30 {
         let Bench { cell: _cell, mut gauge, mut controller, mut rows, .. } = bench();
         let alter = |read: usize, reading: &mut [f64; 3]| reading[0] += if read > 1000 { 0.5e-3 } else { 0.0 };
         let mut gauge = AlteredGauge { gauge: gauge.as_mut(), read: 1000 - reads, alter };
         let cancel = AtomicBool::new(false);
         let options = ProcedureOptions { free: Some([6e-3; 3]), ..options() };
-        let result = run(&plan(3), (&mut gauge, controller.as_mut()), &mut rows, &options, &cancel, &mut |_| ());
-        assert!(rows.iter().all(right) && (rows.len() == 3) == result.is_ok(), "after {reads} readings");
+        let result = run(&plan(1), (&mut gauge, controller.as_mut()), &mut rows, &options, &cancel, &mut |_| ());
+        assert!(rows.iter().all(right) && rows.len() == usize::from(result.is_ok()), "after {reads} readings");
         refused += usize::from(result.is_err_and(|e| matches!(e.violation(), Some(Violation::ZeroMoved { .. }))));
         measured += rows.len();
     }

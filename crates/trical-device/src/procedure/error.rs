@@ -211,8 +211,8 @@ pub enum Violation {
     /// A free stem comes to rest at another reading than before.
     #[error(
         "indicator {axis} reads {reading_mm:.4} mm with its stem free, and read {first_mm:.4} mm there at the first touch; expected a \
-         difference of {limit_mm:.3} mm at most: its zero was set anew, or it has slipped in its clamp; a touch from which the arm has just come \
-         back is not recorded; master the device before going on"
+         difference of {limit_mm:.3} mm at most: its zero was set anew, or it has slipped in its clamp; the touch before, if it is \
+         recorded, may be wrong by as much; master the device before going on"
     )]
     ZeroMoved {
         /// Which axis.

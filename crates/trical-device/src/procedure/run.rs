@@ -38,7 +38,8 @@ const STANDING_CLOCK_S: f64 = 10.0;
 /// So many jumps are told.
 const TOLD_JUMPS: usize = 3;
 
-/// Drives through a plan. A touch is accepted once its stems are free again and read as before; it is in the log before the arm goes on to the next.
+/// Drives through a plan; every accepted touch is in the log before the arm leaves it, but for the last one: it is accepted once the stems are
+/// free again and read as before.
 ///
 /// Without [`ProcedureOptions::go`] nothing moves, and the report lists the steps. `cancel` is looked at between steps;
 /// it ends the run like an error does: the arm stops, goes back the way it came, and the error says so.
@@ -90,6 +91,7 @@ pub fn run(
         runner.leave_a_touch(plan).map_err(|violation| ProcedureError::Leave { violation: Box::new(violation) })?;
     }
     let total = plan.len();
+    let last = plan.iter().rposition(|entry| !options.skip.contains(&entry.index));
     for (number, entry) in plan.iter().enumerate() {
         let done = runner.report.measured + runner.report.skipped;
         if options.skip.contains(&entry.index) {
@@ -100,7 +102,11 @@ pub fn run(
         runner.trail = vec![runner.at];
         let led_in = runner.led_in(plan, number);
         let result = match runner.touch(led_in.as_ref().unwrap_or(entry)) {
-            Ok(row) => runner.end(entry, row, total),
+            Ok(row) if Some(number) == last => runner.end(entry, row, total),
+            Ok(row) => match runner.accept(row, total) {
+                Ok(()) => runner.leave().map_err(|violation| (violation, RetreatOutcome::Interrupted)),
+                Err(violation) => Err((violation, runner.retreat())),
+            },
             // whoever moves the arm by hand has it
             Err(violation @ Violation::Stopped) => Err((violation, RetreatOutcome::Stopped)),
             Err(
@@ -296,8 +302,8 @@ impl Runner<'_, '_> {
         Ok(row)
     }
 
-    /// Leaves a touch, and accepts it unless its free stems show that a zero was set anew, or a stem is stuck: such a touch is not recorded. Whatever
-    /// else happens on the way back, it is.
+    /// Leaves the last touch of the run, and accepts it. A zero that was set anew during any other touch is found before the next one; here the
+    /// free stems are read once more, and a touch whose zero is not known is not recorded.
     fn end(&mut self, entry: &PlanEntry, row: Row, total: usize) -> Result<(), (Violation, RetreatOutcome)> {
         let left = match self.leave() {
             Err(violation) => Err((violation, RetreatOutcome::Interrupted)),

@@ -114,6 +114,8 @@ fn a_pose_that_the_arm_reaches_in_several_configurations_is_named() {
         ("def main():\n def go():\n L end\n A go()\n F go()\n end\n", true, false),
         ("def main():\n def go():\n L end\n A go()\n A go()\n end\n", false, false),
         ("A go()\n F go()\n def go():\n L end\n", true, false),
+        ("def main():\n def go():\n L end\n A go()\n end\n F main()\n", false, false),
+        ("def go():\n L end\n def main():\n go()\n end\n A main()\n F main()\n", true, true),
         ("wp=@\n A movel(wp)\n F movel(wp)\n", true, false),
         ("wp=@\n A movel(wp)\n A movel(wp)\n", false, false),
     ] {

@@ -152,6 +152,7 @@ impl Walk<'_> {
         called.callers.extend(here.iter().take(MOST_OTHERS.saturating_sub(called.callers.len())));
         let (first, ends) = (called.first, called.ends.clone());
         self.again_from(first, &here);
+        self.moved_first(first.flatten());
         self.is_at(&ends);
     }
 
@@ -179,17 +180,13 @@ impl Walk<'_> {
         !spot.shape.is_joints() && (off || self.demanded(index) == Configuration::Free)
     }
 
-    /// Keeps the first motions of what is open.
+    /// Keeps a motion that may be the first of what is open.
     pub(super) fn moved_first(&mut self, first: Option<(u32, Joints)>) {
         for block in self.open.iter_mut().rev().take_while(|block| block.first.is_none()) {
             block.first = Some(first);
         }
-        for (routine, _) in self.within.iter().rev() {
-            let of_routine = &mut self.routines.entry(*routine).or_default().first;
-            if of_routine.is_some() {
-                return;
-            }
-            *of_routine = Some(first);
+        if let Some((routine, _)) = self.within.last() {
+            self.routines.entry(*routine).or_default().first.get_or_insert(first);
         }
     }
 }

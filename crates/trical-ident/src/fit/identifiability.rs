@@ -230,7 +230,7 @@ fn sorts(data: &Dataset, turned: bool) -> Vec<Sort> {
 /// Independence is structural: it is judged on the nominal arm at random poses, with the sorts of measurement that the data
 /// has, so that it does not depend on where the data happens to be. Joints that hardly move in the data stay where they are, and what
 /// cannot be told without their motion is held. Where balls stood at unknown places, parameters of the arm that do the same are all
-/// kept, since what is usual of an arm then counts as known ([`ball_places`]).
+/// kept, since what is usual of an arm then counts as known ([`crate::fit::ball_places`]).
 ///
 /// # Errors
 /// A robot without masses where compliance is asked for.

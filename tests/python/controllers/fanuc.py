@@ -108,6 +108,16 @@ class Controller:
         assert name
         return next(k for k, (_, s) in enumerate(self.lines) if re.match(rf"LBL\[{name.group()}\b", s))
 
+    def behind(self, at: int, *words: str) -> int:
+        """Behind the next line of this block that begins with one of the words."""
+        depth = 0
+        for k in range(at, len(self.lines)):
+            s = self.lines[k][1]
+            if depth == 0 and s.startswith(words):
+                return k + 1
+            depth += bool(re.match(r"IF .* THEN", s)) - s.startswith("ENDIF")
+        raise AssertionError("a block that does not end")
+
     def run(self) -> None:
         at, steps = 0, 0
         loops: list[tuple[int, int, float]] = []
@@ -129,10 +139,18 @@ class Controller:
             elif m := re.match(r"IF (.+?),\s*JMP LBL\[(.+?)\]", s):
                 if self.true(m.group(1)):
                     at = self.jump(m.group(2))
+            elif m := re.match(r"IF \((.+)\) THEN", s):
+                if not self.true(m.group(1)):
+                    at = self.behind(at, "ELSE", "ENDIF")
+            elif s.startswith("ELSE"):
+                at = self.behind(at, "ENDIF")
+            elif m := re.match(r"IF (.+?),\s*(.+)", s):
+                if self.true(m.group(1)):
+                    self.instruct(line, m.group(2))
             elif m := re.match(r"JMP LBL\[(.+?)\]", s):
                 if steps < 300:
                     at = self.jump(m.group(1))
-            elif s.startswith(("END", "ABORT")):
+            elif re.match(r"(END|ABORT)\b", s):
                 break
             else:
                 self.instruct(line, s)
@@ -186,7 +204,8 @@ class Controller:
             at, because = at @ self.kept[int(tool.group(1))].at, because | {"shifted"}
         setup = {}
         for key, own, table_name in (("UF", p.frame, "frame"), ("UT", p.tool, "tool")):
-            n, of_it = (own, frozenset()) if own != "F" else self.active[key]
+            # a register has neither tool nor frame
+            n, of_it = (own, frozenset()) if own != "F" and table == "P" else self.active[key]
             because |= of_it
             setup[key] = self.tables[table_name].get(n, np.eye(4))
         self.motions.append(Motion(line, because, at, p.joints, Tool(setup["UT"]), setup["UF"], None, p.external))

@@ -102,10 +102,14 @@ fn a_pose_that_the_arm_reaches_in_several_configurations_is_named() {
     let (v, t) = (trical_model::pose::rotation_vector(&p.rotation), &p.translation);
     let place = format!("p[{:.8},{:.8},{:.8},{:.9},{:.9},{:.9}]", t.x, t.y, t.z, v.x, v.y, v.z);
     let linear = format!("movel({place})\n");
-    // A, F: to joints in either configuration; L: to the pose
+    let mut turned = q;
+    turned[5] += std::f64::consts::TAU;
+    // A, F: to joints in either configuration, T: in the first, a turn of joint 6 on; L: to the pose
     for (text, is_named, is_flipped) in [
         ("A if b:\n F end\n L", true, true),
         ("A if b:\n L end\n L", false, false),
+        ("A if b:\n T end\n L", false, false),
+        ("def main():\n A def go():\n F end\n L end\n", false, false),
         ("A if b:\n F else:\n F end\n L", false, true),
         ("A if b:\n F else:\n A end\n L", true, false),
         ("A while b:\n L F end\n", true, false),
@@ -119,7 +123,12 @@ fn a_pose_that_the_arm_reaches_in_several_configurations_is_named() {
         ("wp=@\n A movel(wp)\n F movel(wp)\n", true, false),
         ("wp=@\n A movel(wp)\n A movel(wp)\n", false, false),
     ] {
-        let program = text.replace('A', &as_it_is).replace('F', &otherwise).replace('L', &linear).replace(' ', "");
+        let program = text
+            .replace('A', &as_it_is)
+            .replace('F', &otherwise)
+            .replace('L', &linear)
+            .replace('T', &joints(&turned))
+            .replace(' ', "");
         let program =
             program.replace('@', &place).replace("def", "def ").replace("if", "if ").replace("while", "while ");
         let (_, report) = run(program.as_bytes(), Dialect::UrScript, &n, &real(&n), &Frames::default());

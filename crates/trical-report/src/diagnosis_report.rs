@@ -249,9 +249,8 @@ fn more_findings(d: &Diagnosis) -> Option<Section> {
     if more.is_empty() {
         return None;
     }
-    let mut section = Section::new(format!("{}, small or unsure", table::counted(more.len(), "more finding")))
-        .with_tables([findings_table(d, &more)])
-        .folded(true);
+    let mut section =
+        Section::new(table::counted(more.len(), "more finding")).with_tables([findings_table(d, &more)]).folded(true);
     section.after = more.iter().map(|(k, f)| format!("{k}. {}", located(f, d))).collect();
     Some(section)
 }

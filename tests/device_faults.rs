@@ -363,13 +363,13 @@ fn two_hundred_fault_runs_end_complete_or_with_a_clear_stop() {
 }
 
 #[test]
-fn drawn_arms_with_gaps_and_ripples_are_not_said_to_have_stems_that_stick_or_other_axes() {
+fn the_stems_of_drawn_arms_with_gaps_and_ripples_are_not_said_to_stick() {
     let mut bench = Bench::new();
     let drawn = bench.truth.clone();
     let mut complete = 0;
     for seed in 0..20 {
         bench.truth = draw_truth(&drawn, 70 + seed).unwrap();
-        let mut wishes = vec![format!("lost_motion_direction@{}", 1 + seed % 6)];
+        let mut wishes = vec![format!("lost_motion_direction@{}*0.4", 1 + seed % 6)];
         wishes.extend((1..=6).map(|joint| format!("gear_ripple@{joint}/{}", 60 + 30 * joint)));
         hide(&mut bench.truth, &wishes).unwrap();
         bench.truth.cell.balls.iter_mut().for_each(|ball| *ball += Vector3::new(1e-3, -0.5e-3, 0.5e-3));
@@ -379,10 +379,10 @@ fn drawn_arms_with_gaps_and_ripples_are_not_said_to_have_stems_that_stick_or_oth
         // where a gap keeps touches from closing, or an arm is off too far, it ends otherwise
         match bench.measure(&cell, &folder.path().join("run.mcap"), 5.0) {
             Ok(()) => complete += 1,
-            Err(error) => assert!(!error.contains("channels and signs"), "{seed}: {error}"),
+            Err(error) => assert!(!error.contains("just before the touch"), "{seed}: {error}"),
         }
     }
-    assert!(complete > 10, "{complete} of 20");
+    assert!(complete > 15, "{complete} of 20");
 }
 
 /// The program itself, against a cell: its exit code, and what it said. `end` ends it: a signal, and after how long.

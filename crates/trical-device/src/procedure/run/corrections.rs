@@ -100,9 +100,9 @@ impl Runner<'_, '_> {
         Ok(())
     }
 
-    /// Compares the lengths of the readings before (or of the correction) and after. Gaps in joints may make a small one grow.
+    /// Compares the lengths of the readings before (or of the correction) and after.
     fn check_growth(&self, before: f64, after: f64) -> Result<(), Violation> {
-        if after > self.options.limits.growth * before && after > CONFIRM.max(2.0 * self.options.epsilon) {
+        if after > self.options.limits.growth * before && after > 2.0 * self.options.epsilon {
             return Err(Violation::Diverging { before_mm: before * 1e3, after_mm: after * 1e3 });
         }
         Ok(())

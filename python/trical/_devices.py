@@ -274,6 +274,7 @@ def virtual_cell(
     seed: int = 1,
     hide: str | Sequence[str] = (),
     port: int = 0,
+    gauge_port: int | None = None,
     faults: PathLike | None = None,
     pace: float = 0.0,
     radio_delay: float = 0.0,
@@ -296,6 +297,8 @@ def virtual_cell(
         hide: effects (see `effects`) to hide in the arm, with site and size in typical ones:
             "lost_motion_direction@3*2", "gear_ripple@4/100" (cycles), "joint_zero_shift@2/600" (s).
         port: of the controller; 0 is any that is free.
+        gauge_port: TCP port of the receiver, 0 any that is free; without it, and not on Windows, it answers on a
+            pseudo-terminal.
         faults: a TOML file of what goes wrong, and when.
         pace: real seconds for each second of motion; 0 is at once.
         radio_delay: how long the receiver repeats the last value after a motion, s.
@@ -309,9 +312,11 @@ def virtual_cell(
         TricalError: bad input; an effect that is not known.
         DeviceError: the port is in use.
     """
-    if not 0 <= port <= 65535:
-        raise TricalError(f"port is {port}, expected 0 to 65535")
+    for name, value in {"port": port, "gauge_port": gauge_port or 0}.items():
+        if not 0 <= value <= 65535:
+            raise TricalError(f"{name} is {value}, expected 0 to 65535")
     given: dict[str, Any] = {"truth": truth, "seed": seed, "port": port, "faults": faults, "start": start}
+    given["gauge_port"] = gauge_port
     given["hide"] = [hide] if isinstance(hide, str) else list(hide)
     given["unsettled"] = None if unsettled is None else _three(unsettled, "unsettled")
     given |= {"pace": pace, "radio_delay": radio_delay, "noise": noise, "placement": placement}

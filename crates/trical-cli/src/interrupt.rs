@@ -5,8 +5,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
-use signal_hook::iterator::Signals;
 use trical_device::controller::StopCount;
 
 use crate::error::{CliError, Result};
@@ -34,30 +32,62 @@ pub struct Interrupt {
 pub fn watch() -> Result<Interrupt> {
     let interrupt = Interrupt { asked: Arc::default(), stops: Arc::default() };
     let failed = |e: std::io::Error| CliError::Failed(format!("Ctrl-C cannot be watched: {e}"));
-    let mut signals = Signals::new([SIGINT, SIGQUIT, SIGTERM, SIGHUP]).map_err(failed)?;
     let told = interrupt.clone();
-    let listen = move || {
-        let mut first = None;
-        for signal in signals.forever() {
-            told.asked.store(true, Ordering::Relaxed);
-            // at the end of a login session a terminal's end and a request to terminate come together: one request
-            let by_hand = [SIGINT, SIGQUIT].contains(&signal);
-            if !by_hand && *first.get_or_insert(signal) != signal {
-                continue;
-            }
-            if told.stops.ask() > 0 {
-                let begin = Instant::now();
-                while told.stops.is_moving() && begin.elapsed() < STOP_FIRST {
-                    std::thread::sleep(Duration::from_millis(10));
-                }
-                std::thread::sleep(SAY);
-                crate::note!(
-                    "trical: ended at once by a second request; the arm stays where it is, perhaps at a ball. What was recorded is kept"
-                );
-                std::process::exit(INTERRUPTED);
-            }
+    let mut first = None;
+    let listen = listener(move |signal| {
+        told.asked.store(true, Ordering::Relaxed);
+        // at the end of a login session a terminal's end and a request to terminate come together: one request
+        if !BY_HAND.contains(&signal) && *first.get_or_insert(signal) != signal {
+            return;
         }
-    };
+        if told.stops.ask() > 0 {
+            let begin = Instant::now();
+            while told.stops.is_moving() && begin.elapsed() < STOP_FIRST {
+                std::thread::sleep(Duration::from_millis(10));
+            }
+            std::thread::sleep(SAY);
+            crate::note!(
+                "trical: ended at once by a second request; the arm stays where it is, perhaps at a ball. What was recorded is kept"
+            );
+            std::process::exit(INTERRUPTED);
+        }
+    })
+    .map_err(failed)?;
     std::thread::Builder::new().name("signals".to_owned()).spawn(listen).map_err(failed)?;
     Ok(interrupt)
+}
+
+/// Those of Ctrl-C and Ctrl-\\.
+#[cfg(unix)]
+const BY_HAND: &[i32] = &[signal_hook::consts::SIGINT, signal_hook::consts::SIGQUIT];
+#[cfg(not(unix))]
+const BY_HAND: &[i32] = &[signal_hook::consts::SIGINT];
+
+/// What waits for the signals that ask for an end, and handles each.
+#[cfg(unix)]
+fn listener(handle: impl FnMut(i32) + Send + 'static) -> std::io::Result<impl FnOnce() + Send + 'static> {
+    use signal_hook::consts::{SIGHUP, SIGTERM};
+    let mut signals = signal_hook::iterator::Signals::new([BY_HAND, &[SIGTERM, SIGHUP]].concat())?;
+    Ok(move || signals.forever().for_each(handle))
+}
+
+/// What waits for the signals that ask for an end, and handles each. Windows has Ctrl-C and a request to terminate, and nothing to wait for them
+/// with.
+#[cfg(not(unix))]
+fn listener(mut handle: impl FnMut(i32) + Send + 'static) -> std::io::Result<impl FnOnce() + Send + 'static> {
+    let mut flags = Vec::new();
+    for signal in BY_HAND.iter().copied().chain([signal_hook::consts::SIGTERM]) {
+        let flag = Arc::new(AtomicBool::new(false));
+        signal_hook::flag::register(signal, Arc::clone(&flag))?;
+        flags.push((signal, flag));
+    }
+    Ok(move || {
+        loop {
+            flags
+                .iter()
+                .filter(|(_, flag)| flag.swap(false, Ordering::Relaxed))
+                .for_each(|(signal, _)| handle(*signal));
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    })
 }

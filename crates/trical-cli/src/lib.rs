@@ -21,7 +21,6 @@ mod progress;
 
 use std::ffi::OsString;
 use std::io::Write as _;
-use std::sync::Arc;
 
 use clap::{CommandFactory, Parser, Subcommand};
 use trical_report::table;
@@ -105,7 +104,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         }
     };
     // a file that reached the limit of its size is then an error of writing, and no end in the middle of a motion
-    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
+    #[cfg(unix)]
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
     code(match cli.command {
         Command::Identify(args) => commands::identify::run(&args),
         Command::Validate(args) => commands::validate::run(&args),

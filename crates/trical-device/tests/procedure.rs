@@ -11,7 +11,7 @@ use trical_device::procedure::{Retreat, Violation, stride, visits};
 use trical_device::virtual_cell::Unsettled;
 use trical_device::{
     CellOptions, Controller, ControllerError, Fault, PlanEntry, ProcedureError, ProcedureOptions, Progress,
-    open_controller, open_gauge, run,
+    VirtualCell, open_controller, open_gauge, run,
 };
 use trical_model::recording::{Joints, Measured, Row};
 use trical_recording::motion::JointSample;
@@ -301,8 +301,7 @@ fn every_motion_is_asked_of_the_guard_from_where_the_arm_is() {
 fn an_arm_that_stands_at_a_touch_leaves_it_on_a_way_that_the_guard_allows() {
     let start = plan(1)[0].joints;
     let cell =
-        trical_device::VirtualCell::start(Box::new(Gantry::default()), CellOptions { start, ..CellOptions::default() })
-            .unwrap();
+        VirtualCell::start(Box::new(Gantry::default()), CellOptions { start, ..CellOptions::default() }).unwrap();
     let mut bench = Bench { cell, ..bench() };
     bench.gauge = open_gauge(&bench.cell.gauge_url()).unwrap();
     bench.controller = open_controller(&bench.cell.controller_url()).unwrap();
@@ -553,4 +552,37 @@ fn the_noise_of_an_arm_that_stands_is_neither_a_motion_nor_a_jump_of_its_clock()
         bench.rows.iter().map(|row| row.state.dir.unwrap()).collect::<Vec<_>>()
     };
     assert_eq!(directions(true), directions(false));
+}
+
+#[test]
+fn a_receiver_behind_a_device_server_is_measured_with_as_one_on_a_serial_port() {
+    let touched = |gauge_port| {
+        let mut bench = Bench::new(Gantry::default(), CellOptions { gauge_port, ..CellOptions::default() });
+        let is_tcp = bench.cell.gauge_place().starts_with("127.0.0.1:");
+        bench.run(&plan(6), &options()).unwrap();
+        (is_tcp, bench.rows.iter().map(|row| format!("{:?}", row.measured)).collect::<Vec<_>>())
+    };
+    let [(_, serial), (is_tcp, network)] = [None, Some(0)].map(touched);
+    assert!(is_tcp && !network.is_empty());
+    assert_eq!(serial, network);
+}
+
+#[test]
+fn a_receiver_behind_a_device_server_hears_who_comes_next_and_a_taken_port_is_told() {
+    let options = CellOptions { gauge_port: Some(0), ..CellOptions::default() };
+    let mut bench = Bench::new(Gantry::default(), options.clone());
+    let before = bench.gauge.read().unwrap();
+    bench.gauge = open_gauge(&bench.cell.gauge_url()).unwrap();
+    assert_eq!(bench.gauge.read().unwrap(), before);
+
+    let place = bench.cell.gauge_place().to_owned();
+    let port = place.rsplit_once(':').unwrap().1.parse().ok();
+    let taken = VirtualCell::start(Box::new(Gantry::default()), CellOptions { gauge_port: port, ..options });
+    let expected =
+        format!("virtual receiver: port {place} is in use by another program; choose another port, or 0 for any");
+    assert_eq!(taken.err().map(|e| e.to_string()), Some(expected));
+
+    drop(bench);
+    let said = open_gauge(&format!("uwave://{place}")).err().map(|e| e.to_string()).unwrap_or_default();
+    assert!(said.starts_with(&format!("gauge port {place}: cannot be opened (Connection refused")), "{said}");
 }

@@ -123,6 +123,7 @@ struct CellKeywords<'py> {
     seed: u64,
     hide: Vec<String>,
     port: u16,
+    gauge_port: Option<u16>,
     faults: Option<PathBuf>,
     pace: f64,
     radio_delay: f64,
@@ -159,7 +160,7 @@ pub fn _virtual_cell(py: Python<'_>, machine: Machine, given: &Bound<'_, PyDict>
         Some(q) => one_pose(q, &robot)?,
     };
     let truth = given.truth.map(|t| t.get().file.clone());
-    let CellKeywords { seed, hide: hidden, port, faults, pace, radio_delay, noise, placement, .. } = given;
+    let CellKeywords { seed, hide: hidden, port, gauge_port, faults, pace, radio_delay, noise, placement, .. } = given;
     py.detach(|| {
         let mut truth = match truth {
             Some(file) => {
@@ -170,6 +171,7 @@ pub fn _virtual_cell(py: Python<'_>, machine: Machine, given: &Bound<'_, PyDict>
         };
         hide(&mut truth, &hidden)?;
         let options = CellOptions {
+            gauge_port,
             pace,
             radio_delay,
             unsettled,

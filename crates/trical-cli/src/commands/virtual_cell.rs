@@ -33,6 +33,10 @@ pub struct Args {
     /// TCP port of the controller; 0 for any that is free
     #[arg(long, default_value_t = 5000)]
     port: u16,
+    /// TCP port of the receiver, 0 for any that is free, as behind a serial device server; without it, and not on Windows, it
+    /// answers on a pseudo-terminal
+    #[arg(long, value_name = "PORT")]
+    gauge_port: Option<u16>,
     /// What a client of the controller has to give first, or none; without it one is drawn. It stands in the URL that is printed
     #[arg(long, value_name = "WORD")]
     secret: Option<String>,
@@ -107,6 +111,7 @@ impl Args {
             Some(_) => return Err(CliError::Input("--secret: expected 8 to 40 letters and digits, or none".into())),
         };
         Ok(CellOptions {
+            gauge_port: self.gauge_port,
             secret,
             pace: self.pace,
             radio_delay: self.radio_ms * 1e-3,

@@ -4,6 +4,7 @@ use std::io::{self, Read, Write};
 use std::time::{Duration, Instant};
 
 use super::GaugeError;
+use crate::controller::{ControllerError, connected};
 
 /// A two-way byte port with a short read time-out of its own.
 ///
@@ -86,7 +87,8 @@ impl SerialSettings {
 pub fn open_serial(path: &str, settings: &SerialSettings) -> Result<Box<dyn serialport::SerialPort>, GaugeError> {
     use serialport::{DataBits, FlowControl, Parity, SerialPort, StopBits};
     let failed = |error: &dyn std::fmt::Display| GaugeError::Open { port: path.to_owned(), reason: error.to_string() };
-    let real_path = std::fs::canonicalize(path).map_err(|error| failed(&error))?;
+    // behind a link that udev made; the names of Windows (COM3) are no files
+    let real_path = if cfg!(unix) { std::fs::canonicalize(path).map_err(|error| failed(&error))? } else { path.into() };
     let is_pseudo = real_path.starts_with("/dev/pts");
     let builder = serialport::new(real_path.to_string_lossy(), settings.baud)
         .data_bits(match settings.data_bits {
@@ -113,6 +115,25 @@ pub fn open_serial(path: &str, settings: &SerialSettings) -> Result<Box<dyn seri
         port.write_request_to_send(true).map_err(|error| failed(&error))?;
     }
     Ok(Box::new(port))
+}
+
+/// Opens a serial port of this computer, or `host:port`, one behind a serial device server that passes on the bytes alone (its baud rate and
+/// framing are set there).
+///
+/// # Errors
+/// As [`open_serial`], and no connection.
+pub fn open_port(place: &str, settings: &SerialSettings) -> Result<Box<dyn Port>, GaugeError> {
+    if place.rsplit_once(':').is_none_or(|(_, port)| port.parse::<u16>().is_err()) {
+        return Ok(Box::new(open_serial(place, settings)?));
+    }
+    let stream = connected(place, Duration::from_secs(3), Duration::from_millis(20));
+    Ok(Box::new(stream.map_err(|error| GaugeError::Open {
+        port: place.to_owned(),
+        reason: match error {
+            ControllerError::Connect { reason, .. } => reason,
+            other => other.to_string(),
+        },
+    })?))
 }
 
 /// A serial port of this computer.

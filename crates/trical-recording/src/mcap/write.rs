@@ -433,8 +433,11 @@ pub fn write_recording(path: &Path, recording: &Recording, header: &Header) -> R
 /// Gives the file beside its name.
 fn publish(part: Part, path: &Path) -> Result<(), RecordError> {
     part.put().map_err(RecordError::io(path, "put the new file there"))?;
-    // so that the rename lasts
-    let folder = folder(path);
-    let lasts = File::open(folder).and_then(|folder| folder.sync_all());
-    lasts.map_err(RecordError::io(folder, "write to the disk"))
+    // so that the rename lasts; Windows opens no folder, and keeps a log of renames itself
+    if cfg!(unix) {
+        let folder = folder(path);
+        let lasts = File::open(folder).and_then(|folder| folder.sync_all());
+        lasts.map_err(RecordError::io(folder, "write to the disk"))?;
+    }
+    Ok(())
 }

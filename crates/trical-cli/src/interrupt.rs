@@ -1,12 +1,10 @@
-//! Ctrl-C or Ctrl-\\, a request to terminate, a terminal that was closed: the first asks for an orderly end, a second one ends the
+//! Ctrl-C or Ctrl-\\ (Ctrl-Break on Windows), a request to terminate, a terminal that was closed: the first asks for an orderly end, a second one ends the
 //! program at once.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
-use signal_hook::iterator::Signals;
 use trical_device::controller::StopCount;
 
 use crate::error::{CliError, Result};
@@ -34,16 +32,15 @@ pub struct Interrupt {
 pub fn watch() -> Result<Interrupt> {
     let interrupt = Interrupt { asked: Arc::default(), stops: Arc::default() };
     let failed = |e: std::io::Error| CliError::Failed(format!("Ctrl-C cannot be watched: {e}"));
-    let mut signals = Signals::new([SIGINT, SIGQUIT, SIGTERM, SIGHUP]).map_err(failed)?;
+    let requests = system::Requests::watch().map_err(failed)?;
     let told = interrupt.clone();
     let listen = move || {
         let mut first = None;
-        for signal in signals.forever() {
+        requests.each(|request| {
             told.asked.store(true, Ordering::Relaxed);
             // at the end of a login session a terminal's end and a request to terminate come together: one request
-            let by_hand = [SIGINT, SIGQUIT].contains(&signal);
-            if !by_hand && *first.get_or_insert(signal) != signal {
-                continue;
+            if !system::BY_HAND.contains(&request) && *first.get_or_insert(request) != request {
+                return;
             }
             if told.stops.ask() > 0 {
                 let begin = Instant::now();
@@ -56,8 +53,70 @@ pub fn watch() -> Result<Interrupt> {
                 );
                 std::process::exit(INTERRUPTED);
             }
-        }
+        });
     };
     std::thread::Builder::new().name("signals".to_owned()).spawn(listen).map_err(failed)?;
     Ok(interrupt)
+}
+
+#[cfg(unix)]
+mod system {
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
+    use signal_hook::iterator::Signals;
+
+    /// Keys: each press is a request.
+    pub const BY_HAND: [i32; 2] = [SIGINT, SIGQUIT];
+
+    pub struct Requests(Signals);
+
+    impl Requests {
+        pub fn watch() -> std::io::Result<Self> {
+            Signals::new([SIGINT, SIGQUIT, SIGTERM, SIGHUP]).map(Self)
+        }
+
+        /// Tells each request, for ever.
+        pub fn each(mut self, told: impl FnMut(i32)) {
+            self.0.forever().for_each(told);
+        }
+    }
+}
+
+/// Windows ends the program as soon as its window is closed: nothing is heard of that in time.
+#[cfg(windows)]
+mod system {
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicBool, Ordering};
+    use std::time::Duration;
+
+    use signal_hook::consts::{SIGBREAK, SIGINT, SIGTERM};
+
+    /// Keys: each press is a request.
+    pub const BY_HAND: [i32; 2] = [SIGINT, SIGBREAK];
+
+    /// So often is looked for a request.
+    const EVERY: Duration = Duration::from_millis(10);
+
+    pub struct Requests([(i32, Arc<AtomicBool>); 3]);
+
+    impl Requests {
+        pub fn watch() -> std::io::Result<Self> {
+            let flags = [SIGINT, SIGBREAK, SIGTERM].map(|signal| (signal, Arc::new(AtomicBool::new(false))));
+            for (signal, flag) in &flags {
+                signal_hook::flag::register(*signal, Arc::clone(flag))?;
+            }
+            Ok(Self(flags))
+        }
+
+        /// Tells each request, for ever.
+        pub fn each(self, mut told: impl FnMut(i32)) {
+            loop {
+                for (signal, flag) in &self.0 {
+                    if flag.swap(false, Ordering::Relaxed) {
+                        told(*signal);
+                    }
+                }
+                std::thread::sleep(EVERY);
+            }
+        }
+    }
 }

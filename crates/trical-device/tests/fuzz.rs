@@ -153,7 +153,7 @@ proptest! {
     #[test]
     fn the_virtual_cell_survives_any_request(noise in proptest::collection::vec(any::<u8>(), 0..400)) {
         let bench = crate::common::bench();
-        let mut port = std::fs::OpenOptions::new().write(true).open(bench.cell.terminal()).unwrap();
+        let mut port = std::fs::OpenOptions::new().write(true).open(bench.cell.receiver()).unwrap();
         port.write_all(&noise).unwrap();
         port.write_all(b"\r").unwrap();
         drop(bench.controller);

@@ -242,7 +242,7 @@ fn true_arm(story: &Story<'_>, nominal: &Model) -> Result<(VirtualCell, bool)> {
     story.tell(format!(
         "1. A virtual cell runs: an {}, three balls, three indicators on {} and a controller on",
         story.robot.name,
-        running.terminal().display()
+        running.receiver()
     ))?;
     let concealed = match (&story.args.conceal, &wish) {
         (_, None) => "nothing else is concealed in it",

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::line::{LINE_GAUGES, LineGauge, LineSettings};
 use super::line_protocol::Pattern;
-use super::port::open_serial;
+use super::port::open_port;
 use super::uwave::{UWave, UWaveSettings};
 use super::{AXES, Gauge, GaugeError, Mastered, Settle};
 use crate::url::{DeviceUrl, UrlError};
@@ -18,6 +18,8 @@ use crate::url::{DeviceUrl, UrlError};
 /// - the scheme of one of [`LINE_GAUGES`] (`itn://`, `line://`) and a port, or three ports `/dev/a,/dev/b,/dev/c` for x, y, z. Options: `baud`, `framing` (`8N1`), `request` (percent-encoded, e.g. `%3F%0D`), or `x`, `y`, `z` for a
 ///   request of each axis, `pattern` (`01A{v}`), `unit` (`mm`, `in`, `um`: of values that name none), `scale` (a factor
 ///   on it), `flip`, `timeout_ms`, `attempts`.
+///
+/// A port is `/dev/ttyUSB0`, `COM3`, or `HOST:PORT` of a converter from a serial line to a network.
 ///
 /// All take `settle_ms` (pause between the readings that must agree), `repeats` (how many of them), `settle_um` (how
 /// much they may differ) and `zero_mm=x,y,z` (what the gauge shows on the calibrator; it is taken off every reading).
@@ -64,7 +66,7 @@ fn zero(url: &mut DeviceUrl) -> Result<Option<[f64; 3]>, UrlError> {
 fn open_bare(mut url: DeviceUrl) -> Result<Box<dyn Gauge>, GaugeError> {
     if url.scheme == "uwave" {
         let settings = uwave_settings(&mut url)?;
-        let port = open_serial(&url.place, &UWaveSettings::serial())?;
+        let port = open_port(&url.place, &UWaveSettings::serial())?;
         return Ok(Box::new(UWave::new(port, format!("uwave {}", url.place), settings)));
     }
     let Some(preset) = LineSettings::preset(&url.scheme) else {
@@ -91,7 +93,7 @@ fn open_bare(mut url: DeviceUrl) -> Result<Box<dyn Gauge>, GaugeError> {
             )
             .into());
     }
-    let ports = places.into_iter().map(|place| open_serial(place, &settings.serial)).collect::<Result<Vec<_>, _>>()?;
+    let ports = places.into_iter().map(|place| open_port(place, &settings.serial)).collect::<Result<Vec<_>, _>>()?;
     Ok(Box::new(LineGauge::new(ports, format!("{} {}", url.scheme, url.place), settings)?))
 }
 

@@ -1,4 +1,5 @@
-//! A virtual cell: an arm, balls and indicators that answer the real drivers on a pseudo-terminal and a TCP port.
+//! A virtual cell: an arm, balls and indicators that answer the real drivers on a pseudo-terminal and a TCP port; on two TCP ports
+//! where there are no pseudo-terminals (Windows).
 //!
 //! Its clock is simulated and moves on with each motion, so nothing waits and the same seed gives the same answers.
 
@@ -8,17 +9,14 @@ mod plant;
 mod receiver;
 mod robot;
 pub mod script;
+mod wire;
 mod world;
 
-use std::fs::File;
 use std::net::{SocketAddr, TcpListener};
-use std::os::fd::OwnedFd;
-use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
-use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
 use thiserror::Error;
 use trical_model::Pose;
 use trical_model::recording::{Joints, MAX_JOINTS, State};
@@ -35,6 +33,9 @@ pub use script::{Scheduled, When};
 pub struct CellOptions {
     /// TCP port of the controller on 127.0.0.1; 0 = any that is free.
     pub port: u16,
+    /// TCP port of the receiver on 127.0.0.1 (0 = any that is free), as of a converter from a serial line to a network; `None` = a
+    /// pseudo-terminal, or any TCP port where there are none.
+    pub gauge_port: Option<u16>,
     /// What a client has to give first; `None` = whoever comes may command.
     pub secret: Option<Secret>,
     /// Serial number that the controller tells.
@@ -90,6 +91,7 @@ impl Default for CellOptions {
     fn default() -> Self {
         Self {
             port: 0,
+            gauge_port: None,
             secret: None,
             serial_number: None,
             channels: [0, 1, 2],
@@ -228,9 +230,11 @@ pub enum CellError {
         /// What the operating system said.
         reason: String,
     },
-    /// No pseudo-terminal.
-    #[error("virtual receiver: no pseudo-terminal ({reason})")]
-    PseudoTerminal {
+    /// No pseudo-terminal, or no TCP port in its place.
+    #[error("virtual receiver: no {place} ({reason})")]
+    Receiver {
+        /// What is missing.
+        place: String,
         /// What the operating system said.
         reason: String,
     },
@@ -247,19 +251,17 @@ pub struct VirtualCell {
     world: Arc<Mutex<world::World>>,
     stop: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
-    terminal: PathBuf,
+    receiver: String,
     address: SocketAddr,
     gauge_url: String,
     controller_url: String,
-    /// Kept open, so that the terminal stays raw while nobody else has it.
-    _slave: OwnedFd,
 }
 
 impl VirtualCell {
     /// Starts a cell.
     ///
     /// # Errors
-    /// The port is taken, or there is no pseudo-terminal.
+    /// A port is taken, or there is no pseudo-terminal.
     pub fn start(plant: Box<dyn Plant>, options: CellOptions) -> Result<Self, CellError> {
         let address = SocketAddr::from(([127, 0, 0, 1], options.port));
         let listener = TcpListener::bind(address)
@@ -269,13 +271,18 @@ impl VirtualCell {
                 _ => CellError::Port { address, reason: error.to_string() },
             })?;
         let address = listener.local_addr().unwrap_or(address);
-        let (master, slave, terminal) =
-            raw_terminal().map_err(|error| CellError::PseudoTerminal { reason: error.to_string() })?;
+        let (wire, place) = match options.gauge_port {
+            None if cfg!(unix) => (wire::terminal(), "pseudo-terminal".to_owned()),
+            port => {
+                let address = SocketAddr::from(([127, 0, 0, 1], port.unwrap_or(0)));
+                (wire::tcp(address), format!("TCP port {address}"))
+            }
+        };
+        let (mut wire, receiver) = wire.map_err(|error| CellError::Receiver { place, reason: error.to_string() })?;
 
         let [x, y, z] = options.channels;
         let gauge_url = format!(
-            "uwave://{}?x={x:02}&y={y:02}&z={z:02}&group={:02}&interval_ms=0&settle_ms={:.0}&repeats=2",
-            terminal.display(),
+            "uwave://{receiver}?x={x:02}&y={y:02}&z={z:02}&group={:02}&interval_ms=0&settle_ms={:.0}&repeats=2",
             options.group,
             // readings that agree must not both be older than the motion
             options.radio_delay * 1.5e3
@@ -288,14 +295,13 @@ impl VirtualCell {
             world: Arc::clone(&world),
             stop: Arc::clone(&stop),
             threads: Vec::new(),
-            terminal,
+            receiver,
             address,
             gauge_url,
             controller_url,
-            _slave: slave,
         };
         let (shared, ends) = (Arc::clone(&world), Arc::clone(&stop));
-        cell.spawn("virtual receiver", move || receiver::serve(master, &shared, &ends))?;
+        cell.spawn("virtual receiver", move || receiver::serve(&mut *wire, &shared, &ends))?;
         cell.spawn("virtual controller", move || robot::serve(&listener, &world, &stop))?;
         Ok(cell)
     }
@@ -309,10 +315,10 @@ impl VirtualCell {
         Ok(())
     }
 
-    /// Path of the pseudo-terminal on which the receiver answers.
+    /// Where the receiver answers: path of the pseudo-terminal, or host and TCP port.
     #[must_use]
-    pub fn terminal(&self) -> &Path {
-        &self.terminal
+    pub fn receiver(&self) -> &str {
+        &self.receiver
     }
 
     /// Address on which the controller answers.
@@ -386,13 +392,4 @@ impl Drop for VirtualCell {
 /// A plant that panicked in one thread leaves a state that the other can still read.
 fn lock(world: &Mutex<world::World>) -> MutexGuard<'_, world::World> {
     world.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-fn raw_terminal() -> nix::Result<(File, OwnedFd, PathBuf)> {
-    let pair = nix::pty::openpty(None, None)?;
-    let mut settings = tcgetattr(&pair.slave)?;
-    cfmakeraw(&mut settings);
-    tcsetattr(&pair.slave, SetArg::TCSANOW, &settings)?;
-    let path = nix::unistd::ttyname(&pair.slave)?;
-    Ok((File::from(pair.master), pair.slave, path))
 }

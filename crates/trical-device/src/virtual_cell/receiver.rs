@@ -1,34 +1,20 @@
-//! The virtual U-WAVE-R: answers on the master side of a pseudo-terminal.
+//! The virtual U-WAVE-R: answers on a wire.
 
-use std::fs::File;
-use std::io::{Read, Write};
-use std::os::fd::AsFd;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
-use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
-
+use super::wire::Wire;
 use super::world::World;
 use super::{Fault, lock};
 use crate::gauge::uwave_protocol::{self as protocol, Request, Status, Unit};
 
 /// Serves requests until `stop`.
-pub(super) fn serve(mut master: File, world: &Arc<Mutex<World>>, stop: &AtomicBool) {
+pub(super) fn serve(wire: &mut dyn Wire, world: &Arc<Mutex<World>>, stop: &AtomicBool) {
     let mut pending: Vec<u8> = Vec::new();
     while !stop.load(Ordering::Relaxed) {
-        let ready = {
-            let mut fds = [PollFd::new(master.as_fd(), PollFlags::POLLIN)];
-            poll(&mut fds, PollTimeout::from(20_u8)).unwrap_or(0)
-        };
-        if ready == 0 {
-            continue;
-        }
         let mut bytes = [0_u8; 256];
-        match master.read(&mut bytes) {
-            Ok(count) if count > 0 => pending.extend_from_slice(bytes.get(..count).unwrap_or_default()),
-            // nobody has the other side open
-            _ => std::thread::sleep(std::time::Duration::from_millis(10)),
-        }
+        let count = wire.read(&mut bytes);
+        pending.extend_from_slice(bytes.get(..count).unwrap_or_default());
         while let Some(end) = pending.iter().position(|byte| *byte == b'\r') {
             let line: Vec<u8> = pending.drain(..=end).take(end).collect();
             let (reply, late, pieces) = {
@@ -45,7 +31,7 @@ pub(super) fn serve(mut master: File, world: &Arc<Mutex<World>>, stop: &AtomicBo
             let parts = reply.chunks(if pieces { 1 } else { reply.len().max(1) });
             let mut sent = Ok(());
             for part in parts {
-                sent = sent.and_then(|()| master.write_all(part)).and_then(|()| master.flush());
+                sent = sent.and_then(|()| wire.write(part));
             }
             if sent.is_err() {
                 break;

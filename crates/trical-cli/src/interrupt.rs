@@ -1,4 +1,4 @@
-//! Ctrl-C or Ctrl-\\, a request to terminate, a terminal that was closed: the first asks for an orderly end, a second one ends the
+//! Ctrl-C or Ctrl-\\ (Ctrl-Break on Windows), a request to terminate, a terminal that was closed: the first asks for an orderly end, a second one ends the
 //! program at once.
 
 use std::sync::Arc;
@@ -32,62 +32,91 @@ pub struct Interrupt {
 pub fn watch() -> Result<Interrupt> {
     let interrupt = Interrupt { asked: Arc::default(), stops: Arc::default() };
     let failed = |e: std::io::Error| CliError::Failed(format!("Ctrl-C cannot be watched: {e}"));
+    let requests = system::Requests::watch().map_err(failed)?;
     let told = interrupt.clone();
-    let mut first = None;
-    let listen = listener(move |signal| {
-        told.asked.store(true, Ordering::Relaxed);
-        // at the end of a login session a terminal's end and a request to terminate come together: one request
-        if !BY_HAND.contains(&signal) && *first.get_or_insert(signal) != signal {
-            return;
-        }
-        if told.stops.ask() > 0 {
-            let begin = Instant::now();
-            while told.stops.is_moving() && begin.elapsed() < STOP_FIRST {
-                std::thread::sleep(Duration::from_millis(10));
+    let listen = move || {
+        let mut first = None;
+        requests.each(|request| {
+            told.asked.store(true, Ordering::Relaxed);
+            // at the end of a login session a terminal's end and a request to terminate come together: one request
+            if !system::BY_HAND.contains(&request) && *first.get_or_insert(request) != request {
+                return;
             }
-            std::thread::sleep(SAY);
-            crate::note!(
-                "trical: ended at once by a second request; the arm stays where it is, perhaps at a ball. What was recorded is kept"
-            );
-            std::process::exit(INTERRUPTED);
-        }
-    })
-    .map_err(failed)?;
+            if told.stops.ask() > 0 {
+                let begin = Instant::now();
+                while told.stops.is_moving() && begin.elapsed() < STOP_FIRST {
+                    std::thread::sleep(Duration::from_millis(10));
+                }
+                std::thread::sleep(SAY);
+                crate::note!(
+                    "trical: ended at once by a second request; the arm stays where it is, perhaps at a ball. What was recorded is kept"
+                );
+                std::process::exit(INTERRUPTED);
+            }
+        });
+    };
     std::thread::Builder::new().name("signals".to_owned()).spawn(listen).map_err(failed)?;
     Ok(interrupt)
 }
 
-/// Those of Ctrl-C and Ctrl-\\.
 #[cfg(unix)]
-const BY_HAND: &[i32] = &[signal_hook::consts::SIGINT, signal_hook::consts::SIGQUIT];
-#[cfg(not(unix))]
-const BY_HAND: &[i32] = &[signal_hook::consts::SIGINT];
+mod system {
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
+    use signal_hook::iterator::Signals;
 
-/// What waits for the signals that ask for an end, and handles each.
-#[cfg(unix)]
-fn listener(handle: impl FnMut(i32) + Send + 'static) -> std::io::Result<impl FnOnce() + Send + 'static> {
-    use signal_hook::consts::{SIGHUP, SIGTERM};
-    let mut signals = signal_hook::iterator::Signals::new([BY_HAND, &[SIGTERM, SIGHUP]].concat())?;
-    Ok(move || signals.forever().for_each(handle))
+    /// Keys: each press is a request.
+    pub const BY_HAND: [i32; 2] = [SIGINT, SIGQUIT];
+
+    pub struct Requests(Signals);
+
+    impl Requests {
+        pub fn watch() -> std::io::Result<Self> {
+            Signals::new([SIGINT, SIGQUIT, SIGTERM, SIGHUP]).map(Self)
+        }
+
+        /// Tells each request, for ever.
+        pub fn each(mut self, told: impl FnMut(i32)) {
+            self.0.forever().for_each(told);
+        }
+    }
 }
 
-/// What waits for the signals that ask for an end, and handles each. Windows has Ctrl-C and a request to terminate, and nothing to wait for them
-/// with.
-#[cfg(not(unix))]
-fn listener(mut handle: impl FnMut(i32) + Send + 'static) -> std::io::Result<impl FnOnce() + Send + 'static> {
-    let mut flags = Vec::new();
-    for signal in BY_HAND.iter().copied().chain([signal_hook::consts::SIGTERM]) {
-        let flag = Arc::new(AtomicBool::new(false));
-        signal_hook::flag::register(signal, Arc::clone(&flag))?;
-        flags.push((signal, flag));
-    }
-    Ok(move || {
-        loop {
-            flags
-                .iter()
-                .filter(|(_, flag)| flag.swap(false, Ordering::Relaxed))
-                .for_each(|(signal, _)| handle(*signal));
-            std::thread::sleep(Duration::from_millis(10));
+/// Windows ends the program as soon as its window is closed: nothing is heard of that in time.
+#[cfg(windows)]
+mod system {
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicBool, Ordering};
+    use std::time::Duration;
+
+    use signal_hook::consts::{SIGBREAK, SIGINT, SIGTERM};
+
+    /// Keys: each press is a request.
+    pub const BY_HAND: [i32; 2] = [SIGINT, SIGBREAK];
+
+    /// So often is looked for a request.
+    const EVERY: Duration = Duration::from_millis(10);
+
+    pub struct Requests([(i32, Arc<AtomicBool>); 3]);
+
+    impl Requests {
+        pub fn watch() -> std::io::Result<Self> {
+            let flags = [SIGINT, SIGBREAK, SIGTERM].map(|signal| (signal, Arc::new(AtomicBool::new(false))));
+            for (signal, flag) in &flags {
+                signal_hook::flag::register(*signal, Arc::clone(flag))?;
+            }
+            Ok(Self(flags))
         }
-    })
+
+        /// Tells each request, for ever.
+        pub fn each(self, mut told: impl FnMut(i32)) {
+            loop {
+                for (signal, flag) in &self.0 {
+                    if flag.swap(false, Ordering::Relaxed) {
+                        told(*signal);
+                    }
+                }
+                std::thread::sleep(EVERY);
+            }
+        }
+    }
 }

@@ -34,6 +34,7 @@
 
 #![allow(clippy::disallowed_methods, reason = "a simulated cell, not what is calculated from measurements")]
 
+mod connection;
 pub mod controller;
 pub mod gauge;
 pub mod joint_feed;

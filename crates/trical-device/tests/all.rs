@@ -10,6 +10,7 @@ mod ur_server;
 mod controller;
 mod faults;
 mod fuzz;
+#[cfg(unix)] // on pseudo-terminals
 mod gauges;
 mod kill;
 mod million;

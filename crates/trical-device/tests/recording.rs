@@ -377,6 +377,7 @@ fn files_beside_a_recording_are_left_alone_and_none_is_added() {
     std::fs::write(&precious, "mine").unwrap();
     // the name of the file in which it is begun
     let link = folder.path().join(format!("run.mcap.part{}", std::process::id()));
+    #[cfg(unix)]
     std::os::unix::fs::symlink(&precious, &link).unwrap();
     RecordingWriter::create(&path, &header()).unwrap().finish().unwrap();
     RecordingWriter::resume(&path, &header()).unwrap().0.finish().unwrap();
@@ -389,6 +390,7 @@ fn files_beside_a_recording_are_left_alone_and_none_is_added() {
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4);
 }
 
+#[cfg(unix)]
 #[test]
 fn a_recording_begins_where_a_link_leads_to() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,7 +1,7 @@
 //! Visits of sockets, taken down one by one: a CSV that grows by a row at a time, each on the disk before the next.
 
 use std::collections::BTreeSet;
-use std::fs::{File, OpenOptions, TryLockError};
+use std::fs::OpenOptions;
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
@@ -10,13 +10,14 @@ use trical_model::{JointKind, Joints, Robot};
 
 use crate::csv::is_nothing;
 use crate::error::{RecordError, Result};
-use crate::mcap::is_at;
-use crate::whole::write_whole;
+use crate::mcap::{Locked, is_at, is_busy, lock};
+use crate::whole::{alone, write_whole};
 
 /// A CSV of visits that is open for more.
 #[derive(Debug)]
 pub struct Visits {
-    file: File,
+    /// None where it could not be opened again.
+    file: Option<Locked>,
     path: PathBuf,
     kinds: Vec<JointKind>,
     next: usize,
@@ -39,21 +40,16 @@ impl Visits {
         let io = |action| move |source| RecordError::Io { path: path.to_owned(), action, source };
         // a device may be read for ever
         crate::bounds::check_file(path, false)?;
-        let mut file = OpenOptions::new()
-            .read(true)
-            .append(true)
-            .create(true)
-            .open(path)
-            .map_err(io("be opened for more rows"))?;
         // two writers would give two visits one number
-        if let Err(TryLockError::WouldBlock) = file.try_lock() {
-            return Err(RecordError::Busy { path: path.to_owned() });
-        }
+        let file = match alone(OpenOptions::new().read(true).append(true).create(true)).open(path) {
+            Err(e) if is_busy(&e) => return Err(RecordError::Busy { path: path.to_owned() }),
+            file => lock(file.map_err(io("be opened for more rows"))?, path)?,
+        };
         let mut text = Vec::new();
-        file.read_to_end(&mut text).map_err(io("be read"))?;
+        (&*file).read_to_end(&mut text).map_err(io("be read"))?;
         let header = header(&kinds);
-        let mut this =
-            Self { file, path: path.to_owned(), kinds, next: 0, places: BTreeSet::new(), text: text.clone() };
+        let (path, places) = (path.to_owned(), BTreeSet::new());
+        let mut this = Self { file: Some(file), path, kinds, next: 0, places, text: text.clone() };
         let Some(first) = text.split(|b| *b == b'\n').next().filter(|l| !l.is_empty()) else {
             this.put(&header)?;
             return Ok((this, None));
@@ -61,7 +57,7 @@ impl Visits {
         let first = String::from_utf8_lossy(first);
         if first.trim_end() != header {
             let problem = format!("header: found {:?}, expected {header:?}: this is another file", first.trim_end());
-            return Err(RecordError::File { file: path.display().to_string(), problem });
+            return Err(RecordError::File { file: this.path.display().to_string(), problem });
         }
         let rows: Vec<&[u8]> = text.split(|b| *b == b'\n').skip(1).filter(|l| !l.trim_ascii().is_empty()).collect();
         let seq = |row: &&[u8]| String::from_utf8_lossy(row).split(',').next().and_then(|s| s.parse::<usize>().ok());
@@ -72,11 +68,13 @@ impl Visits {
         this.places = rows.iter().filter_map(place).collect();
         let cut = text.last() != Some(&b'\n');
         if cut {
-            this.file.write_all(b"\n").map_err(io("be written"))?;
+            this.write(b"\n").map_err(|source| this.io("be written", source))?;
             this.text.push(b'\n');
         }
         let line = rows.len() + 1;
-        Ok((this, cut.then(|| format!("{}: line {line} did not end; look whether it is whole", path.display()))))
+        let note = || format!("{}: line {line} did not end; look whether it is whole", this.path.display());
+        let note = cut.then(note);
+        Ok((this, note))
     }
 
     /// Adds a row and waits until it is on the disk. Joints are in SI, sockets are counted from 1; a row's number is returned, and a sentence where
@@ -114,7 +112,7 @@ impl Visits {
     /// The operating system's, or a file with other columns: what the file held is kept for the next time.
     pub fn look_for_file(&mut self) -> Result<Option<String>> {
         let held = std::fs::metadata(&self.path).map_or(0, |m| m.len());
-        let same = self.path.canonicalize().is_ok_and(|path| is_at(&self.file, &path));
+        let same = self.path.canonicalize().is_ok_and(|path| self.file.as_ref().is_some_and(|file| is_at(file, &path)));
         if same && held == self.text.len() as u64 {
             return Ok(None);
         }
@@ -123,8 +121,8 @@ impl Visits {
             let io = |source| RecordError::Io { path: self.path.clone(), action: "be written again", source };
             write_whole(&self.path, &self.text).map_err(io)?;
         }
-        // its lock would be in the way of ours; a file system without locks refuses
-        let _ = self.file.unlock();
+        // its lock would be in the way of ours
+        self.file = None;
         let (new, note) = Self::open_with(&self.path.clone(), self.kinds.clone())?;
         *self = Self { next: new.next.max(self.next), ..new };
         let again = || format!("{} was removed or emptied: what it held has been written again", self.path.display());
@@ -132,17 +130,23 @@ impl Visits {
     }
 
     fn put(&mut self, line: &str) -> Result<()> {
-        let io = |source| RecordError::Io { path: self.path.clone(), action: "be written", source };
-        let before = self.file.seek(SeekFrom::End(0)).map_err(io)?;
-        let written = self.file.write_all(format!("{line}\n").as_bytes()).and_then(|()| self.file.sync_data());
-        if let Err(e) = written {
-            // half a row would spoil the file
-            let _ = self.file.set_len(before);
-            return Err(io(e));
-        }
+        self.write(format!("{line}\n").as_bytes()).map_err(|source| self.io("be written", source))?;
         self.text.extend_from_slice(line.as_bytes());
         self.text.push(b'\n');
         Ok(())
+    }
+
+    /// Writes all of it at the end, or nothing: half a row would spoil the file.
+    fn write(&self, bytes: &[u8]) -> std::io::Result<()> {
+        let Some(mut file) = self.file.as_deref() else { return Err(std::io::ErrorKind::NotFound.into()) };
+        let before = file.seek(SeekFrom::End(0))?;
+        file.write_all(bytes).and_then(|()| file.sync_data()).inspect_err(|_| {
+            let _ = file.set_len(before);
+        })
+    }
+
+    fn io(&self, action: &'static str, source: std::io::Error) -> RecordError {
+        RecordError::Io { path: self.path.clone(), action, source }
     }
 }
 

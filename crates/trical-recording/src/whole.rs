@@ -24,7 +24,7 @@ impl Part {
         if part.symlink_metadata().is_ok() {
             std::fs::remove_file(&part)?;
         }
-        let file = File::create_new(&part)?;
+        let file = alone(OpenOptions::new().read(true).write(true).create_new(true)).open(&part)?;
         Ok((Self { part, out }, file))
     }
 
@@ -42,6 +42,19 @@ impl Drop for Part {
         // there is none when it was put
         let _ = std::fs::remove_file(&self.part);
     }
+}
+
+/// How a file is opened that nobody else is to write. Windows refuses other writers from the moment it is opened; its locks would keep readers away,
+/// too. Elsewhere an advisory lock follows.
+pub(crate) fn alone(options: &mut OpenOptions) -> &mut OpenOptions {
+    #[cfg(windows)]
+    {
+        use std::os::windows::fs::OpenOptionsExt;
+        // to read, to rename and to remove
+        const SHARED: u32 = 1 | 4;
+        options.share_mode(SHARED);
+    }
+    options
 }
 
 /// Whether a path leads to a device, a pipe or a socket.
@@ -67,6 +80,8 @@ pub(crate) fn put(part: &Path, out: &Path) -> IoResult<()> {
         std::io::copy(&mut File::open(part)?, &mut OpenOptions::new().write(true).open(out)?)?;
         return std::fs::remove_file(part);
     }
+    // of Windows' permissions a new file gets those of its folder
+    #[cfg(unix)]
     if let Ok(old) = out.metadata() {
         std::fs::set_permissions(part, old.permissions())?;
     }
@@ -117,6 +132,11 @@ fn read_at(mut file: &File, bytes: &mut [u8], at: u64) -> IoResult<usize> {
     let count = file.seek(SeekFrom::Start(at)).and_then(|_| file.read(bytes));
     file.seek(SeekFrom::Start(end))?;
     count
+}
+
+/// Waits until names of files in a folder are on the disk. Windows opens no folders; NTFS keeps names in its journal.
+pub(crate) fn sync_folder(folder: &Path) -> IoResult<()> {
+    if cfg!(windows) { Ok(()) } else { File::open(folder)?.sync_all() }
 }
 
 /// The folder that a file is in.

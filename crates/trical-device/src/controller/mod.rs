@@ -8,7 +8,7 @@ pub mod rws_protocol;
 pub mod trial;
 pub mod ur;
 
-use std::net::{TcpStream, ToSocketAddrs};
+use std::net::TcpStream;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -20,6 +20,7 @@ use trical_model::error::read_text;
 use trical_model::recording::Joints;
 
 use self::rapid_protocol::{NO_SECRET, is_secret};
+use crate::connection;
 use crate::gauge::shorten;
 use crate::url::{DeviceUrl, Secret, UrlError};
 use trical_recording::motion::JointSample;
@@ -412,21 +413,8 @@ pub(crate) fn confirmed_stop(controller: &mut dyn Controller) -> ControllerError
 
 /// A connection to `host:port`, of which a read may take so long.
 pub(crate) fn connected(address: &str, timeout: Duration, read: Duration) -> Result<TcpStream, ControllerError> {
-    let failed = |reason: String| ControllerError::Connect { address: address.to_owned(), reason };
-    let mut last = "the name has no address".to_owned();
-    if let Some((_, port)) = address.rsplit_once(':').filter(|(_, port)| port.parse::<u16>().is_err()) {
-        return Err(failed(format!("found port {port:?}, expected 1 to 65535")));
-    }
-    for target in address.to_socket_addrs().map_err(|error| failed(error.to_string()))? {
-        match TcpStream::connect_timeout(&target, timeout) {
-            Ok(stream) => {
-                let prepared = stream.set_nodelay(true).and_then(|()| stream.set_read_timeout(Some(read)));
-                return prepared.map(|()| stream).map_err(|error| failed(error.to_string()));
-            }
-            Err(error) => last = error.to_string(),
-        }
-    }
-    Err(failed(last))
+    connection::connected(address, timeout, read)
+        .map_err(|reason| ControllerError::Connect { address: address.to_owned(), reason })
 }
 
 /// Opens a controller by its URL.

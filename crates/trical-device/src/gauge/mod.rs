@@ -17,7 +17,7 @@ use crate::url::UrlError;
 
 pub use line::{LINE_GAUGES, LineGauge, LineKind, LineSettings};
 pub use open::{bare_url, open_gauge, with_zero};
-pub use port::{Port, PortInfo, SerialSettings, list_ports, open_port, open_serial};
+pub use port::{Port, PortInfo, SerialSettings, list_ports, open_serial};
 pub use uwave::{UWave, UWaveSettings};
 
 /// Names of the three axes of the device, for messages.

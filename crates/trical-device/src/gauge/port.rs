@@ -4,7 +4,13 @@ use std::io::{self, Read, Write};
 use std::time::{Duration, Instant};
 
 use super::GaugeError;
-use crate::controller::{ControllerError, connected};
+use crate::connection::connected;
+
+/// A read ends after this, whether something came or not.
+const READ_WITHIN: Duration = Duration::from_millis(20);
+
+/// A converter on the network answers within this.
+const CONNECT_WITHIN: Duration = Duration::from_secs(5);
 
 /// A two-way byte port with a short read time-out of its own.
 ///
@@ -77,6 +83,25 @@ impl SerialSettings {
     }
 }
 
+/// Opens the place of a gauge's URL: `HOST:PORT` (a converter from a serial line to a network, which is set to the settings of the gauge
+/// itself), or else a serial port.
+///
+/// # Errors
+/// As of [`open_serial`], or nothing answers at the address.
+pub(super) fn open_port(place: &str, settings: &SerialSettings) -> Result<Box<dyn Port>, GaugeError> {
+    if !is_address(place) {
+        return Ok(Box::new(open_serial(place, settings)?));
+    }
+    let failed = |reason| GaugeError::Open { port: place.to_owned(), reason };
+    Ok(Box::new(connected(place, CONNECT_WITHIN, READ_WITHIN).map_err(failed)?))
+}
+
+/// Whether a place is `HOST:PORT`: no path, as those of serial ports are (`/dev/serial/by-path/pci-0000:00:14.0`).
+fn is_address(place: &str) -> bool {
+    let port = |(host, port): (&str, &str)| !host.is_empty() && port.parse::<u16>().is_ok();
+    !place.contains(['/', '\\']) && place.rsplit_once(':').is_some_and(port)
+}
+
 /// Opens a serial port with DTR and RTS high and no handshake.
 ///
 /// A real port is opened exclusively: there can be one reader only. A pseudo-terminal is not, since the lock of a
@@ -87,10 +112,11 @@ impl SerialSettings {
 pub fn open_serial(path: &str, settings: &SerialSettings) -> Result<Box<dyn serialport::SerialPort>, GaugeError> {
     use serialport::{DataBits, FlowControl, Parity, SerialPort, StopBits};
     let failed = |error: &dyn std::fmt::Display| GaugeError::Open { port: path.to_owned(), reason: error.to_string() };
-    // behind a link that udev made; the names of Windows (COM3) are no files
-    let real_path = if cfg!(unix) { std::fs::canonicalize(path).map_err(|error| failed(&error))? } else { path.into() };
-    let is_pseudo = real_path.starts_with("/dev/pts");
-    let builder = serialport::new(real_path.to_string_lossy(), settings.baud)
+    // the lock is of the device, whatever link leads to it; `COM3` is no file
+    #[cfg(unix)]
+    let path = std::fs::canonicalize(path).map_err(|error| failed(&error))?.display().to_string();
+    let is_pseudo = cfg!(unix) && path.starts_with("/dev/pts/");
+    let builder = serialport::new(path, settings.baud)
         .data_bits(match settings.data_bits {
             5 => DataBits::Five,
             6 => DataBits::Six,
@@ -105,7 +131,7 @@ pub fn open_serial(path: &str, settings: &SerialSettings) -> Result<Box<dyn seri
         .stop_bits(if settings.stop_bits == 2 { StopBits::Two } else { StopBits::One })
         .flow_control(FlowControl::None)
         .dtr_on_open(true)
-        .timeout(Duration::from_millis(20));
+        .timeout(READ_WITHIN);
     #[cfg(unix)]
     let mut port = builder.exclusive(!is_pseudo).open_native().map_err(|error| failed(&error))?;
     #[cfg(not(unix))]
@@ -115,25 +141,6 @@ pub fn open_serial(path: &str, settings: &SerialSettings) -> Result<Box<dyn seri
         port.write_request_to_send(true).map_err(|error| failed(&error))?;
     }
     Ok(Box::new(port))
-}
-
-/// Opens a serial port of this computer, or `host:port`, one behind a serial device server that passes on the bytes alone (its baud rate and
-/// framing are set there).
-///
-/// # Errors
-/// As [`open_serial`], and no connection.
-pub fn open_port(place: &str, settings: &SerialSettings) -> Result<Box<dyn Port>, GaugeError> {
-    if place.rsplit_once(':').is_none_or(|(_, port)| port.parse::<u16>().is_err()) {
-        return Ok(Box::new(open_serial(place, settings)?));
-    }
-    let stream = connected(place, Duration::from_secs(3), Duration::from_millis(20));
-    Ok(Box::new(stream.map_err(|error| GaugeError::Open {
-        port: place.to_owned(),
-        reason: match error {
-            ControllerError::Connect { reason, .. } => reason,
-            other => other.to_string(),
-        },
-    })?))
 }
 
 /// A serial port of this computer.

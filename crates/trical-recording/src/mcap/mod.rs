@@ -23,7 +23,7 @@ use crate::motion::JointSample;
 
 pub use bag::joint_order;
 pub use lock::check_not_written;
-pub(crate) use lock::is_at;
+pub(crate) use lock::{Locked, is_at, is_busy, lock};
 pub use read::{each_row, read_any, read_bytes, read_recording};
 pub use write::{RecordingWriter, check_same, write_recording};
 

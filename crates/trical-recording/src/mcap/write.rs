@@ -17,7 +17,7 @@ use crate::error::RecordError;
 use crate::json;
 use crate::motion::JointSample;
 use crate::shared::{Places, Shared};
-use crate::whole::{Part, ReadFrom, behind_links, folder};
+use crate::whole::{Part, ReadFrom, behind_links, folder, sync_folder};
 
 /// Where the metadata hold the plan's hash.
 const PLAN: &str = "plan_sha256";
@@ -153,7 +153,7 @@ impl RecordingWriter {
         if path.exists() {
             return Err(exists());
         }
-        Self::begin(path, header, None)
+        Self::begin(path, header, None, None)
     }
 
     /// Takes up a recording: everything whole in it is kept, in a new file that then takes its name.
@@ -166,14 +166,14 @@ impl RecordingWriter {
     pub fn resume(path: &Path, header: &Header) -> Result<(Self, Option<ReadRecording>), RecordError> {
         let path = &behind_links(path).map_err(RecordError::io(path, "follow the links"))?;
         if !path.exists() {
-            return Ok((Self::begin(path, header, None)?, None));
+            return Ok((Self::begin(path, header, None, None)?, None));
         }
         // until the new file has its name
-        let _old = lock_existing(path)?;
+        let old = lock_existing(path)?;
         let (raw, read) = read_same(path, header)?;
         // a file that was cut before its first message says nothing of when it began either
         if raw.messages.is_empty() {
-            return Ok((Self::begin(path, header, None)?, Some(read)));
+            return Ok((Self::begin(path, header, None, old)?, Some(read)));
         }
         let mut header = header.clone();
         header.start_ns = read.start_ns;
@@ -181,19 +181,19 @@ impl RecordingWriter {
             // what could not be taken over is said in the recording itself
             header.settings.insert("recovered".to_owned(), lost.clone());
         }
-        let writer = Self::begin(path, &header, Some(&raw))?;
+        let writer = Self::begin(path, &header, Some(&raw), old)?;
         Ok((writer, Some(read)))
     }
 
-    /// Begins in a file beside, which takes the name once its head is whole; nothing is left of one that could not be written.
-    fn begin(path: &Path, header: &Header, before: Option<&RawFile>) -> Result<Self, RecordError> {
+    /// Begins in a file beside, which takes the name (of the old one) once its head is whole; nothing is left of one that could not be written.
+    fn begin(path: &Path, header: &Header, before: Option<&RawFile>, old: Option<Locked>) -> Result<Self, RecordError> {
         let shared = Shared { prismatic: header.prismatic, ..Shared::for_joints(header.joint_names.len()) };
         let (mut writer, part) = Self::begin_beside(path, header, shared, before)?;
         if let Some(raw) = before {
             writer.copy(raw)?;
         }
         writer.sync()?;
-        publish(part, path)?;
+        publish(part, path, old)?;
         Ok(writer)
     }
 
@@ -424,20 +424,22 @@ pub fn write_recording(path: &Path, recording: &Recording, header: &Header) -> R
         writer.message(writer.channels.measurement, t, text.as_bytes())?;
     }
     // a recording that another program writes is not replaced
-    let _old = lock_existing(path)?;
+    let old = lock_existing(path)?;
     writer.end()?;
     drop(writer);
-    publish(part, path)
+    publish(part, path, old)
 }
 
-/// Gives the file beside its name.
-fn publish(part: Part, path: &Path) -> Result<(), RecordError> {
+/// Gives the file beside its name, that of an old one perhaps.
+fn publish(part: Part, path: &Path, old: Option<Locked>) -> Result<(), RecordError> {
+    // a file that is open is replaced by Windows on few file systems
+    #[cfg(windows)]
+    drop(old);
     part.put().map_err(RecordError::io(path, "put the new file there"))?;
-    // so that the rename lasts; Windows opens no folder, and keeps a log of renames itself
-    if cfg!(unix) {
-        let folder = folder(path);
-        let lasts = File::open(folder).and_then(|folder| folder.sync_all());
-        lasts.map_err(RecordError::io(folder, "write to the disk"))?;
-    }
+    // so that the rename lasts
+    let folder = folder(path);
+    sync_folder(folder).map_err(RecordError::io(folder, "write to the disk"))?;
+    #[cfg(not(windows))]
+    drop(old);
     Ok(())
 }

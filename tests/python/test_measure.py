@@ -36,7 +36,8 @@ def cell() -> Iterator[trical.VirtualCell]:
 def test_a_receiver_answers_on_a_port_of_the_network() -> None:
     with trical.virtual_cell(**FILES, seed=3, gauge_port=0) as cell:
         assert cell.gauge.startswith("uwave://127.0.0.1:")
-        assert trical.open_gauge(cell.gauge).read().shape == (3,)
+        with trical.Gauge(cell.gauge) as gauge:
+            assert gauge.read().shape == (3,)
     with pytest.raises(trical.TricalError, match="gauge_port is 70000, expected 0 to 65535"):
         trical.virtual_cell(**FILES, gauge_port=70000)
 

@@ -151,8 +151,14 @@ pub(crate) fn say(text: impl AsRef<str>) -> Result<(), CliError> {
 
 /// Whether standard output took what was written; a reader that went away (`| head`) ends the program quietly.
 fn written(result: std::io::Result<()>) -> Result<(), CliError> {
+    // of a pipe with a name, as some shells of Windows have them
+    const ERROR_PIPE_NOT_CONNECTED: i32 = 233;
+    let is_gone = |e: &std::io::Error| {
+        e.kind() == std::io::ErrorKind::BrokenPipe
+            || cfg!(windows) && e.raw_os_error() == Some(ERROR_PIPE_NOT_CONNECTED)
+    };
     match result {
-        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => std::process::exit(0),
+        Err(e) if is_gone(&e) => std::process::exit(0),
         other => other.map_err(|e| CliError::Failed(format!("standard output: {e}"))),
     }
 }

@@ -376,9 +376,11 @@ fn files_beside_a_recording_are_left_alone_and_none_is_added() {
     std::fs::write(&other, "of somebody else").unwrap();
     std::fs::write(&precious, "mine").unwrap();
     // the name of the file in which it is begun
-    let link = folder.path().join(format!("run.mcap.part{}", std::process::id()));
+    let begun = folder.path().join(format!("run.mcap.part{}", std::process::id()));
     #[cfg(unix)]
-    std::os::unix::fs::symlink(&precious, &link).unwrap();
+    std::os::unix::fs::symlink(&precious, &begun).unwrap();
+    #[cfg(not(unix))]
+    std::fs::write(&begun, "of a program that was killed").unwrap();
     RecordingWriter::create(&path, &header()).unwrap().finish().unwrap();
     RecordingWriter::resume(&path, &header()).unwrap().0.finish().unwrap();
     assert_eq!(std::fs::read_to_string(&other).unwrap(), "of somebody else");

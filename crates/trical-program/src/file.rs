@@ -15,7 +15,7 @@ use crate::dialects::{Dialect, LARGEST, MARK, TOO_LARGE, krl};
 use crate::elsewhere::{Elsewhere, Nowhere, Outside};
 use crate::error::ProgramError;
 use crate::flow::at_calls;
-use crate::folders::{entry, name_of, not_read, paths, read_small};
+use crate::folders::{entry, name_of, not_read, paths, read_small, resolved};
 use crate::frames::{AT, Frame, Frames, TIMES};
 use crate::modules::Modules;
 use crate::options::{Options, Spelling};
@@ -185,7 +185,7 @@ fn places(program: &Path) -> impl Iterator<Item = PathBuf> {
 
 /// A file of a KRL controller, by its name without regard to case.
 fn of_controller(program: &Path, name: &str) -> Option<PathBuf> {
-    let whole = program.canonicalize().ok()?;
+    let whole = resolved(program).ok()?;
     places(&whole).find_map(|place| entry(&place, name).filter(|p| p.is_file() && *p != whole))
 }
 
@@ -224,7 +224,7 @@ const MOST_FILES: usize = 500;
 /// The GLOBAL routines of the controller's files, by their hashed names: the nearest of each; and files that are not read.
 fn globals(program: &Path) -> (HashMap<u64, PathBuf>, Vec<String>) {
     let (mut found, mut unread) = (HashMap::new(), Vec::new());
-    let Ok(whole) = program.canonicalize() else { return (found, unread) };
+    let Ok(whole) = resolved(program) else { return (found, unread) };
     for (number, path) in sources(&whole).enumerate() {
         match (number < MOST_FILES).then(|| read_small(&path)).flatten() {
             Some(bytes) => krl::globals(&bytes).into_iter().for_each(|name| {
@@ -291,7 +291,7 @@ impl<'a> Beside<'a> {
 
     fn read_callers(&self) -> Callers {
         let mut found = Callers::default();
-        let Ok(whole) = self.program.canonicalize() else { return found };
+        let Ok(whole) = resolved(self.program) else { return found };
         let own = together(&whole);
         let text: Vec<u8> = own.iter().filter_map(|file| read_small(file)).flatten().collect();
         let (routines, points) = (krl::callable(&text), krl::global_frames(&text));
@@ -359,7 +359,7 @@ impl<'a> Beside<'a> {
     /// Frames of other programs, of the files in which any is GLOBAL.
     fn global_frames(&self) -> &[(Frames, String)] {
         self.frames.get_or_init(|| {
-            let Ok(whole) = self.program.canonicalize() else { return Vec::new() };
+            let Ok(whole) = resolved(self.program) else { return Vec::new() };
             let own = together(&whole);
             let is_data =
                 |p: &PathBuf| p.extension().is_some_and(|e| e.eq_ignore_ascii_case("dat")) && !own.contains(p);

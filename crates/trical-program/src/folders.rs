@@ -7,6 +7,22 @@ use crate::report::listed;
 /// Larger files are not looked through, bytes.
 const LARGEST: u64 = 16 << 20;
 
+/// A path from the root on, without links. Windows writes such a one as `\\?\C:\folder\file`, which no person and few other programs do.
+pub(crate) fn resolved(path: &Path) -> std::io::Result<PathBuf> {
+    let found = path.canonicalize()?;
+    Ok(if cfg!(windows) { found.to_str().and_then(usual).map_or(found, PathBuf::from) } else { found })
+}
+
+/// A whole path of Windows as a person writes it.
+fn usual(path: &str) -> Option<String> {
+    let rest = path.strip_prefix(r"\\?\")?;
+    match rest.strip_prefix(r"UNC\") {
+        Some(share) => Some(format!(r"\\{share}")),
+        None if rest.as_bytes().get(1..3) == Some(br":\") => Some(rest.to_owned()),
+        None => None,
+    }
+}
+
 /// What is in a folder and wanted, in the order of the names.
 pub(crate) fn paths(folder: &Path, is_wanted: impl Fn(&PathBuf) -> bool) -> Vec<PathBuf> {
     let all = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path());
@@ -42,4 +58,16 @@ pub(crate) fn not_read(files: &[String], first: &str, so: &str) -> Option<String
             listed(files.iter().cloned())
         )
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whole_paths_of_windows_are_told_as_a_person_writes_them() {
+        assert_eq!(usual(r"\\?\C:\cell 1\a.src").as_deref(), Some(r"C:\cell 1\a.src"));
+        assert_eq!(usual(r"\\?\UNC\server\share\a.src").as_deref(), Some(r"\\server\share\a.src"));
+        assert!([r"\\?\Volume{1}\a.src", r"C:\a.src", "/a"].iter().all(|path| usual(path).is_none()));
+    }
 }

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use crate::dialects::rapid::{self, Effects, Exports};
 use crate::dialects::{Dialect, MARK};
 use crate::elsewhere::{Elsewhere, Goes, Motion, Outside};
-use crate::folders::{name_of, not_read, paths, read_small};
+use crate::folders::{name_of, not_read, paths, read_small, resolved};
 use crate::frames::{Frame, Frames};
 use crate::options::Spelling;
 use crate::scan::hashed;
@@ -209,7 +209,7 @@ fn the_same(mut all: Vec<Result<Frame, String>>, name: &str, spelling: Spelling)
 /// The modules beside a program, and names of those that are not read.
 fn modules_of(program: &Path) -> (Vec<Module>, Vec<String>) {
     let (mut modules, mut unread) = (Vec::new(), Vec::new());
-    let Ok(whole) = program.canonicalize() else { return (modules, unread) };
+    let Ok(whole) = resolved(program) else { return (modules, unread) };
     let Some(folder) = whole.parent() else { return (modules, unread) };
     let mut folders = vec![folder.to_owned()];
     let is_part =
@@ -217,9 +217,8 @@ fn modules_of(program: &Path) -> (Vec<Module>, Vec<String>) {
     if let Some(task) = folder.parent().filter(|_| is_part(folder)) {
         folders.extend(paths(task, |p| is_part(p) && p != folder));
     }
-    let is_module = |p: &PathBuf| {
-        Dialect::of(p) == Some(Dialect::Rapid) && p.canonicalize().is_ok_and(|p| p != whole) && p.is_file()
-    };
+    let is_module =
+        |p: &PathBuf| Dialect::of(p) == Some(Dialect::Rapid) && resolved(p).is_ok_and(|p| p != whole) && p.is_file();
     let mut files: Vec<PathBuf> = folders.iter().flat_map(|folder| paths(folder, is_module)).collect();
     files.sort_unstable();
     for (number, path) in files.into_iter().enumerate() {

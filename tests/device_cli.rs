@@ -192,6 +192,16 @@ fn repeat_visits_show_a_hidden_lost_motion() {
 }
 
 #[test]
+fn touches_are_measured_with_a_receiver_on_a_port_of_the_network() {
+    let place = planned(3);
+    let cell = place.cell(&["--gauge-port", "0"]);
+    assert!(cell.gauge.starts_with("uwave://127.0.0.1:"), "{}", cell.gauge);
+    let done = place.measure(&cell, &["--go"]);
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    assert_eq!(place.rows("run.mcap").len(), 9);
+}
+
+#[test]
 fn scripted_faults_stop_the_run_and_resume_completes_it() {
     let place = planned(3);
     place.write("f.toml", "[[fault]]\nwhat = \"drop_connection\"\nafter_motions = 9\nlasts = 1\n");

@@ -297,8 +297,8 @@ def virtual_cell(
         hide: effects (see `effects`) to hide in the arm, with site and size in typical ones:
             "lost_motion_direction@3*2", "gear_ripple@4/100" (cycles), "joint_zero_shift@2/600" (s).
         port: of the controller; 0 is any that is free.
-        gauge_port: TCP port of the receiver, 0 any that is free; without it, and not on Windows, it answers on a
-            pseudo-terminal.
+        gauge_port: TCP port of the indicators' receiver; 0 is any that is free. Without it the receiver answers on a
+            pseudo-terminal, on Windows on any free TCP port.
         faults: a TOML file of what goes wrong, and when.
         pace: real seconds for each second of motion; 0 is at once.
         radio_delay: how long the receiver repeats the last value after a motion, s.

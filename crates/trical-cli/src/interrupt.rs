@@ -1,5 +1,5 @@
-//! Ctrl-C or Ctrl-\\ (Ctrl-Break on Windows), a request to terminate, a terminal that was closed: the first asks for an orderly end, a second one ends the
-//! program at once.
+//! Ctrl-C or Ctrl-\\ (Ctrl-Break on Windows), a request to terminate, a terminal that was closed: the first asks for an orderly end, a
+//! second one ends the program at once.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -33,8 +33,8 @@ pub struct Args {
     /// TCP port of the controller; 0 for any that is free
     #[arg(long, default_value_t = 5000)]
     port: u16,
-    /// TCP port of the receiver, 0 for any that is free, as behind a serial device server; without it, and not on Windows, it
-    /// answers on a pseudo-terminal
+    /// TCP port of the indicators' receiver; 0 for any that is free. Without it the receiver answers on a pseudo-terminal, on
+    /// Windows on any free TCP port
     #[arg(long, value_name = "PORT")]
     gauge_port: Option<u16>,
     /// What a client of the controller has to give first, or none; without it one is drawn. It stands in the URL that is printed

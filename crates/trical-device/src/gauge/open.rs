@@ -19,7 +19,7 @@ use crate::url::{DeviceUrl, UrlError};
 ///   request of each axis, `pattern` (`01A{v}`), `unit` (`mm`, `in`, `um`: of values that name none), `scale` (a factor
 ///   on it), `flip`, `timeout_ms`, `attempts`.
 ///
-/// A port is `/dev/ttyUSB0`, `COM3`, or `HOST:PORT` of a converter from a serial line to a network.
+/// A port is `/dev/ttyUSB0`, `COM3`, or `HOST:PORT` of a serial device server in the network.
 ///
 /// All take `settle_ms` (pause between the readings that must agree), `repeats` (how many of them), `settle_um` (how
 /// much they may differ) and `zero_mm=x,y,z` (what the gauge shows on the calibrator; it is taken off every reading).

@@ -9,7 +9,7 @@ use crate::connection::connected;
 /// A read ends after this, whether something came or not.
 const READ_WITHIN: Duration = Duration::from_millis(20);
 
-/// A converter on the network answers within this.
+/// A serial device server answers within this.
 const CONNECT_WITHIN: Duration = Duration::from_secs(5);
 
 /// A two-way byte port with a short read time-out of its own.
@@ -83,8 +83,8 @@ impl SerialSettings {
     }
 }
 
-/// Opens the place of a gauge's URL: `HOST:PORT` (a converter from a serial line to a network, which is set to the settings of the gauge
-/// itself), or else a serial port.
+/// Opens the place of a gauge's URL: `HOST:PORT`, a serial device server, in which baud rate and framing are set; or else a serial port of this
+/// computer.
 ///
 /// # Errors
 /// As of [`open_serial`], or nothing answers at the address.
@@ -315,6 +315,21 @@ mod tests {
         assert_eq!(known.url.as_deref(), Some("uwave:///dev/ttyUSB3?x=00&y=01&z=02"));
         assert_eq!(known_port(&port(0x0403, 0x6001)).device, "USB 0403:6001 FTDI");
         assert!(list_ports().is_ok());
+    }
+
+    #[test]
+    fn a_place_in_the_network_is_told_from_a_path_and_a_port_of_windows() {
+        assert!(["192.168.1.20:4001", "moxa:4001", "[::1]:4001"].into_iter().all(is_address));
+        let ports = [
+            "/dev/ttyUSB0",
+            "/dev/serial/by-path/pci-0000:00:14",
+            r"\\.\COM12",
+            "COM3",
+            ":4001",
+            "moxa:",
+            "moxa:70000",
+        ];
+        assert!(!ports.into_iter().any(is_address));
     }
 
     #[test]

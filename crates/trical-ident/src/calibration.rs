@@ -12,7 +12,7 @@ use trical_recording::CsvStream;
 
 use crate::calibration::by_place::{ByPlace, MeasuredDistance, OfPlace, TriedByPlace, choose, doubtful_places};
 use crate::calibration::held_out::held_out;
-pub use crate::calibration::held_out::{HeldOut, cross_validate, forward_in_time, score_sessions};
+pub use crate::calibration::held_out::{BY_BLOCK, FORWARD, HeldOut, cross_validate, forward_in_time, score_sessions};
 use crate::calibration::joint_choice::clean;
 use crate::dataset::torque_load::{TorqueLoad, torque_loads};
 use crate::dataset::{Dataset, JointSource, Rejected};
@@ -154,6 +154,16 @@ pub struct Calibration {
 }
 
 impl Calibration {
+    /// Errors at poses that the fit did not see; folds or the last poses that were asked for stand in the place of the usual ones.
+    #[must_use]
+    pub fn unseen(&self) -> HeldOut {
+        HeldOut {
+            by_block: self.cross_validation.map(|(_, e)| e).or(self.held_out.by_block),
+            forward: self.forward_in_time.map(|(_, e)| e).or(self.held_out.forward),
+            ..self.held_out
+        }
+    }
+
     /// What should make one look twice.
     #[must_use]
     pub fn cautions(&self) -> Vec<String> {

@@ -32,7 +32,8 @@ pub mod validate;
 
 pub use calibration::joint_choice::clean;
 pub use calibration::{
-    Calibration, HeldOut, Options, ToolSharing, calibrate, calibrate_stream, cross_validate, forward_in_time,
+    BY_BLOCK, Calibration, FORWARD, HeldOut, Options, ToolSharing, calibrate, calibrate_stream, cross_validate,
+    forward_in_time,
 };
 pub use compare::{Comparison, compare};
 pub use dataset::references::References;

@@ -71,14 +71,15 @@ pub fn of_calibration(c: &Calibration, made: &Made) -> Result<String> {
     let after = c.fitted.errors()?;
     let mut at = AT_THE_FIT.to_owned();
     let mut notes: Vec<String> = c.cautions().iter().map(|c| format!("Caution: {}", table::ended(c))).collect();
-    notes.push(match c.held_out.worst() {
+    let unseen = c.unseen();
+    notes.push(match unseen.worst() {
         Some((how, e)) => {
             at += &format!(", and of {:.3} mm at poses that the fit did not see", e.mean_mm);
             format!(
                 "The numbers above are at the poses of the fit. At poses that the fit did not see ({how}) the error is {:.3} mm on average; \
                  the largest at any such pose, however poses were left out, is {:.3} mm. `trical validate` certifies the model on another recording.",
                 e.mean_mm,
-                c.held_out.largest_mm()
+                unseen.largest_mm()
             )
         }
         None => "These are the poses of the fit: the numbers say nothing about other poses.".to_owned(),
@@ -228,7 +229,8 @@ fn render(
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::test_data::{arm, data, pose, validation};
+    use crate::test_data::{arm, calibration, data, pose, validation};
+    use trical_ident::{ErrorSummary, HeldOut};
     use trical_model::{Measured, State};
 
     #[test]
@@ -343,6 +345,23 @@ mod tests {
             page.contains("without r0.csv, which the model was fitted to") && page.contains("4 at 4 poses"),
             "{page}"
         );
+    }
+
+    #[test]
+    fn the_last_poses_that_were_asked_for_stand_in_the_place_of_the_usual_ones() {
+        let mut c = calibration();
+        let error = |mm: f64| ErrorSummary::of(&[mm * 1e-3; 4]);
+        let says = |c: &Calibration, text: &str| {
+            let page = of_calibration(c, &Made::by("x".into(), &[])).unwrap();
+            page.replace('\u{a0}', " ").contains(text)
+        };
+        c.held_out = HeldOut { forward: Some(error(0.5)), by_pose: Some(error(0.3)), ..HeldOut::default() };
+        assert!(says(&c, "did not see (forward in time) the error is 0.500 mm on average"));
+        c.forward_in_time = Some((20, error(0.4)));
+        assert!(says(
+            &c,
+            "did not see (forward in time) the error is 0.400 mm on average; the largest at any such pose, however poses were left out, is 0.400 mm"
+        ));
     }
 
     #[test]

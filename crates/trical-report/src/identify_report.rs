@@ -1,7 +1,7 @@
 //! The report of an identification, for the person who signs it off.
 
 use trical_diagnose::verdict::capital;
-use trical_ident::{Calibration, ErrorSummary};
+use trical_ident::{BY_BLOCK, Calibration, ErrorSummary, FORWARD};
 
 use crate::error::Result;
 use crate::evidence::{self, Errors, half_width, joints_used, row, signing};
@@ -14,34 +14,17 @@ const CORRELATED: f64 = 0.9;
 /// An error at poses not used that is larger by this is worth a word.
 const LARGER: f64 = 1.5;
 
-/// How poses are left out where the folds are those that were asked for.
-pub const BY_BLOCK: &str = "by block of poses";
-/// How the last poses are told.
-pub const FORWARD: &str = "forward in time";
-
 /// How rows of poses that the fit did not see begin.
 const UNSEEN: &str = "poses that the fit did not see, ";
 
-/// Poses that a fit in so many folds did not use.
-pub fn of_folds(folds: usize) -> String {
-    format!("{UNSEEN}{BY_BLOCK}, {folds} folds")
-}
-
-/// The last poses, where those before were fitted.
-pub fn of_last(percent: usize) -> String {
-    format!("last {percent} % of the poses, by a fit to those before")
-}
-
-/// Errors at poses that the fit did not see, each with what they are.
-fn unseen(t: &Calibration) -> Vec<(String, ErrorSummary)> {
-    let folds = t.cross_validation.iter().map(|(k, e)| (of_folds(*k), *e));
-    let later = t.forward_in_time.iter().map(|(percent, e)| (of_last(*percent), *e));
-    // each once: folds or the last poses that were asked for stand in the place of the usual ones
-    let asked =
-        |how: &str| t.cross_validation.is_some() && how == BY_BLOCK || t.forward_in_time.is_some() && how == FORWARD;
-    let always = t.held_out.named().into_iter().filter(|(how, _)| !asked(how));
-    let always = always.map(|(how, e)| (format!("{UNSEEN}{how}"), e));
-    folds.chain(later).chain(always).collect()
+/// Errors at poses that the fit did not see, each as reports name it, by how poses were left out.
+pub fn unseen(t: &Calibration) -> Vec<(&'static str, String, ErrorSummary)> {
+    let named = |how| match (how, t.cross_validation, t.forward_in_time) {
+        (BY_BLOCK, Some((folds, _)), _) => format!("{UNSEEN}{how}, {folds} folds"),
+        (FORWARD, _, Some((percent, _))) => format!("last {percent} % of the poses, by a fit to those before"),
+        _ => format!("{UNSEEN}{how}"),
+    };
+    t.unseen().named().into_iter().map(|(how, e)| (how, named(how), e)).collect()
 }
 
 /// A sentence with a beginning; a parameter keeps its name.
@@ -58,7 +41,7 @@ fn concerns(t: &Calibration) -> Result<Vec<String>> {
     }
     out.extend(t.cautions().into_iter().map(|c| begun(&table::ended(&c))));
     let unseen = unseen(t);
-    for (name, e) in &unseen {
+    for (_, name, e) in &unseen {
         if e.mean_mm > LARGER * t.errors.mean_mm {
             out.push(format!(
                 "The error at poses that the fit did not see ({name}) is {:.1} times that of the fit: the model has too many parameters for these measurements.",
@@ -102,9 +85,8 @@ fn verdict(t: &Calibration, concerns: usize) -> String {
         t.errors.mean_mm,
         t.errors.max_mm
     );
-    let unseen = unseen(t);
-    if let Some((how, e)) = unseen.iter().max_by(|a, b| a.1.mean_mm.total_cmp(&b.1.mean_mm)) {
-        let (how, largest) = (how.trim_start_matches(UNSEEN), unseen.iter().map(|(_, e)| e.max_mm).fold(0.0, f64::max));
+    if let Some((_, how, e)) = unseen(t).into_iter().max_by(|a, b| a.2.mean_mm.total_cmp(&b.2.mean_mm)) {
+        let (how, largest) = (how.trim_start_matches(UNSEEN), t.unseen().largest_mm());
         out += &format!(
             " At poses that the fit did not see ({how}) it is {:.3} mm (largest, however poses are left out, {largest:.3}).",
             e.mean_mm
@@ -154,7 +136,7 @@ pub fn render(t: &Calibration, mut made: Made) -> Result<String> {
     let verdict = verdict(t, list.len());
     let unseen = unseen(t);
     let mut rows = vec![("before: nominal arm", &t.before), ("after: identified", &t.errors)];
-    rows.extend(unseen.iter().map(|(name, e)| (name.as_str(), e)));
+    rows.extend(unseen.iter().map(|(_, name, e)| (name.as_str(), e)));
     let mut sections = Vec::new();
     sections
         .push(evidence::to_be_looked_at(list, "errors at poses that the fit did not see, numbers measured for each parameter, where the base came out, limits"));
@@ -239,7 +221,7 @@ mod tests {
     #[test]
     fn folds_that_were_asked_for_stand_in_the_place_of_the_usual_ones() {
         let told = |t: &Calibration| {
-            unseen(t).into_iter().map(|(how, e)| (how, format!("{:.2}", e.mean_mm))).collect::<Vec<_>>()
+            unseen(t).into_iter().map(|(_, how, e)| (how, format!("{:.2}", e.mean_mm))).collect::<Vec<_>>()
         };
         let mut t = good();
         let [block, forward] = [BY_BLOCK, FORWARD].map(|how| format!("{UNSEEN}{how}"));
@@ -249,7 +231,7 @@ mod tests {
         (t.cross_validation, t.forward_in_time) = (None, Some((30, error(0.3))));
         assert_eq!(
             told(&t),
-            [("last 30 % of the poses, by a fit to those before".into(), "0.30".into()), (block, "0.12".into())]
+            [(block, "0.12".into()), ("last 30 % of the poses, by a fit to those before".into(), "0.30".into())]
         );
     }
 

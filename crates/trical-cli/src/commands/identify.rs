@@ -4,11 +4,10 @@ use std::path::PathBuf;
 
 use clap::ValueEnum;
 use trical_ident::{
-    Calibration, Choice, ErrorSummary, Identified, JointSource, KnownParameters, ModelFile, Options, ParameterSet,
-    Rejected, calibrate, calibrate_stream, shown, write_whole,
+    BY_BLOCK, Calibration, Choice, ErrorSummary, FORWARD, Identified, JointSource, KnownParameters, ModelFile, Options,
+    ParameterSet, Rejected, calibrate, calibrate_stream, shown, write_whole,
 };
 use trical_report::evidence::rejected_together;
-use trical_report::identify_report::{BY_BLOCK, FORWARD};
 use trical_report::{certificate, identify_report, table};
 
 use super::{orientation_rows, wrote};
@@ -202,18 +201,12 @@ fn error_rows(found: &Calibration) -> Vec<Vec<String>> {
     };
     add("nominal arm", &found.before);
     add("identified", &found.errors);
-    if let Some((k, e)) = &found.cross_validation {
-        add(&identify_report::of_folds(*k), e);
-    }
-    if let Some((percent, e)) = &found.forward_in_time {
-        add(&identify_report::of_last(*percent), e);
-    }
-    // the usual one unless its folds were asked for, and the worst
-    let usual = found.held_out.by_block.filter(|_| found.cross_validation.is_none());
-    let told = |name: &str| name == BY_BLOCK || name == FORWARD && found.forward_in_time.is_some();
-    let worst = found.held_out.worst().filter(|(name, _)| !told(name));
-    for (name, e) in usual.map(|e| (BY_BLOCK, e)).into_iter().chain(worst) {
-        add(&format!("poses that the fit did not see, {name}"), &e);
+    // by block, what was asked for, and the worst
+    let worst = found.unseen().worst().map(|(how, _)| how);
+    for (how, name, e) in identify_report::unseen(found) {
+        if how == BY_BLOCK || how == FORWARD && found.forward_in_time.is_some() || Some(how) == worst {
+            add(&name, &e);
+        }
     }
     rows.extend(orientation_rows(found.orientation, ["nominal arm", "identified"]));
     rows

@@ -16,8 +16,13 @@ use crate::validate::adapted::score_session;
 /// Share of each session's poses that is predicted by a fit to those before, percent.
 const LAST: usize = 25;
 
+/// How [`HeldOut::by_block`] is named.
+pub const BY_BLOCK: &str = "by block of poses";
+/// How [`HeldOut::forward`] is named.
+pub const FORWARD: &str = "forward in time";
+
 /// Errors at poses that the fit did not see.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct HeldOut {
     /// Each pose by a fit without it (rows at the same joints are one pose).
     pub by_pose: Option<ErrorSummary>,
@@ -37,8 +42,8 @@ impl HeldOut {
     pub fn named(&self) -> Vec<(&'static str, ErrorSummary)> {
         [
             ("by pose", self.by_pose),
-            ("by block of poses", self.by_block),
-            ("forward in time", self.forward),
+            (BY_BLOCK, self.by_block),
+            (FORWARD, self.forward),
             ("by session", self.by_session),
             ("by place of the balls", self.by_place),
         ]

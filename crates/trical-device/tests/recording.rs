@@ -272,6 +272,7 @@ fn a_recording_is_taken_up_with_its_own_plan_only() {
     assert!(RecordingWriter::resume(&path, &of("b")).is_err());
 }
 
+#[cfg(unix)]
 #[test]
 fn a_recording_that_is_removed_or_replaced_while_it_is_written_is_kept_in_another_file() {
     for replaced in [false, true] {
@@ -295,6 +296,7 @@ fn a_recording_that_is_removed_or_replaced_while_it_is_written_is_kept_in_anothe
     }
 }
 
+#[cfg(unix)]
 #[test]
 fn a_recording_that_is_renamed_while_it_is_written_stays_whole() {
     let folder = tempfile::tempdir().unwrap();
@@ -316,6 +318,7 @@ fn a_recording_that_is_renamed_while_it_is_written_stays_whole() {
     assert!(!run.exists() && read_recording(&folder.path().join("kept")).unwrap().lost.is_none());
 }
 
+#[cfg(unix)]
 #[test]
 fn a_recording_that_another_program_empties_or_writes_over_ends_the_run() {
     for other in [String::new(), "x".repeat(1 << 16)] {
@@ -330,6 +333,7 @@ fn a_recording_that_another_program_empties_or_writes_over_ends_the_run() {
     }
 }
 
+#[cfg(unix)]
 #[test]
 fn a_recording_that_is_removed_is_told_at_its_end() {
     let folder = tempfile::tempdir().unwrap();
@@ -340,6 +344,24 @@ fn a_recording_that_is_removed_is_told_at_its_end() {
     assert!(matches!(log.finish().unwrap_err(), RecordError::Removed { saved: Ok(_), .. }));
     let read = read_recording(&path).unwrap();
     assert_eq!((read.recording.rows.len(), read.lost), (1, None));
+}
+
+#[cfg(windows)]
+#[test]
+fn a_recording_cannot_be_removed_renamed_or_written_over_while_it_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let check = |mut log: RecordingWriter, seq| {
+        std::fs::remove_file(&path).unwrap_err();
+        std::fs::rename(&path, folder.path().join("other.mcap")).unwrap_err();
+        std::fs::write(&path, "").unwrap_err();
+        log.measurement(&Row { seq: Some(seq), ..recorded_row() }).unwrap();
+        assert_eq!(read_recording(&path).unwrap().recording.rows.len() as u64, seq + 1);
+        log.finish().unwrap();
+    };
+    check(RecordingWriter::create(&path, &header()).unwrap(), 0);
+    check(RecordingWriter::resume(&path, &header()).unwrap().0, 1);
+    std::fs::remove_file(&path).unwrap();
 }
 
 #[test]

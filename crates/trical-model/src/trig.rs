@@ -119,6 +119,8 @@ mod tests {
         (x - y).abs() / (y.abs().max(1e-10) * f64::EPSILON)
     }
 
+    // the one of windows-gnu asks the processor, and is off by thousands of last places
+    #[cfg(not(all(windows, target_env = "gnu")))]
     #[test]
     fn agrees_with_the_c_library_to_the_last_place() {
         let (mut x, mut k) = (0.0_f64, 0_u64);

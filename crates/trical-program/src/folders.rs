@@ -1,5 +1,6 @@
 //! The files beside a program: which there are, and the bytes of those that are small.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use crate::report::listed;
@@ -31,12 +32,19 @@ pub(crate) fn paths(folder: &Path, is_wanted: impl Fn(&PathBuf) -> bool) -> Vec<
     paths
 }
 
-/// What is called so in a folder, without regard to case.
+/// What is called so in a folder, without regard to case; of two the one that is spelled so.
 pub(crate) fn entry(folder: &Path, name: &str) -> Option<PathBuf> {
     let exact = folder.join(name);
-    let is_it = |e: &std::fs::DirEntry| e.file_name().to_string_lossy().eq_ignore_ascii_case(name);
-    let other = || std::fs::read_dir(folder).ok()?.flatten().find(is_it).map(|e| e.path());
-    if exact.exists() { Some(exact) } else { other() }
+    // elsewhere a file is there under each spelling, and has one of its own
+    if cfg!(target_os = "linux") && exact.exists() {
+        return Some(exact);
+    }
+    let called = |is: &dyn Fn(&OsStr) -> bool| {
+        std::fs::read_dir(folder).ok()?.flatten().find(|e| is(&e.file_name())).map(|e| e.path())
+    };
+    called(&|found| found == name)
+        .or_else(|| called(&|found| found.to_string_lossy().eq_ignore_ascii_case(name)))
+        .or_else(|| exact.exists().then_some(exact))
 }
 
 /// The bytes of a file that is not too large to be looked through.

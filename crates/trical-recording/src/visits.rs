@@ -41,10 +41,11 @@ impl Visits {
         // a device may be read for ever
         crate::bounds::check_file(path, false)?;
         // two writers would give two visits one number
-        let file = match alone(OpenOptions::new().read(true).append(true).create(true)).open(path) {
+        let mut file = match alone(OpenOptions::new().read(true).append(true).create(true)).open(path) {
             Err(e) if is_busy(&e) => return Err(RecordError::Busy { path: path.to_owned() }),
             file => lock(file.map_err(io("be opened for more rows"))?, path)?,
         };
+        file.keep_name(path);
         let mut text = Vec::new();
         (&*file).read_to_end(&mut text).map_err(io("be read"))?;
         let header = header(&kinds);

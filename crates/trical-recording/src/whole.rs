@@ -3,6 +3,7 @@
 use std::fs::{File, OpenOptions};
 use std::io::{ErrorKind, Read, Result as IoResult, Write};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// A file that is written beside the one that it replaces; it goes away unless it is put there.
 pub struct Part {
@@ -85,7 +86,22 @@ pub(crate) fn put(part: &Path, out: &Path) -> IoResult<()> {
     if let Ok(old) = out.metadata() {
         std::fs::set_permissions(part, old.permissions())?;
     }
-    std::fs::rename(part, out)
+    rename(part, out)
+}
+
+/// Gives a file the name of another. On Windows one that somebody reads (a scanner for viruses, too) may not be replaced: that passes.
+fn rename(part: &Path, out: &Path) -> IoResult<()> {
+    const WAIT: Duration = Duration::from_millis(10);
+    let mut attempts = if cfg!(windows) { 200 } else { 1 };
+    loop {
+        attempts -= 1;
+        match std::fs::rename(part, out) {
+            Err(e) if attempts > 0 && e.kind() == ErrorKind::PermissionDenied && !out.is_dir() => {
+                std::thread::sleep(WAIT);
+            }
+            done => return done,
+        }
+    }
 }
 
 /// Writes a file whole or not at all.
@@ -149,6 +165,22 @@ mod tests {
     #![allow(clippy::unwrap_used)]
 
     use super::*;
+
+    #[test]
+    fn a_file_is_replaced_while_others_read_it_or_else_stays_as_it_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        write_whole(&path, b"old").unwrap();
+        write_whole(&path, b"new").unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"new");
+        let reader = File::open(&path).unwrap();
+        // which file systems of Windows replace a file that is open differs
+        let replaced = write_whole(&path, b"newer").is_ok();
+        assert!(replaced || cfg!(windows));
+        drop(reader);
+        assert_eq!(std::fs::read(&path).unwrap(), if replaced { &b"newer"[..] } else { b"new" });
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is left beside");
+    }
 
     #[cfg(unix)]
     #[test]

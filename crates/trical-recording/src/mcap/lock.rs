@@ -10,13 +10,33 @@ use crate::whole::alone;
 /// A file that is kept from other writers until this is dropped. It is unlocked then, not only closed: a program that was being started meanwhile
 /// has all files of this one open for a moment, and so their locks.
 #[derive(Debug)]
-pub(crate) struct Locked(File);
+pub(crate) struct Locked {
+    file: File,
+    /// On Windows: open as well, so that nobody takes the name away.
+    _name: Option<File>,
+}
 
 impl std::ops::Deref for Locked {
     type Target = File;
 
     fn deref(&self) -> &File {
-        &self.0
+        &self.file
+    }
+}
+
+impl Locked {
+    /// The file has its name by now. Nobody but Windows keeps it for us.
+    pub(crate) fn keep_name(&mut self, path: &Path) {
+        #[cfg(windows)]
+        {
+            use std::os::windows::fs::OpenOptionsExt;
+            // to read and to write (for ours), not to rename and remove
+            const SHARED: u32 = 1 | 2;
+            // where it cannot be kept, it is looked for after each measurement
+            self._name = OpenOptions::new().read(true).share_mode(SHARED).open(path).ok();
+        }
+        #[cfg(not(windows))]
+        let _ = path;
     }
 }
 
@@ -24,7 +44,7 @@ impl Drop for Locked {
     fn drop(&mut self) {
         // closing it does the rest
         if !cfg!(windows) {
-            let _ = self.0.unlock();
+            let _ = self.file.unlock();
         }
     }
 }
@@ -56,7 +76,7 @@ pub(crate) fn lock(file: File, path: &Path) -> Result<Locked, RecordError> {
         return Err(RecordError::Busy { path: path.to_owned() });
     }
     // or a file system without locks
-    Ok(Locked(file))
+    Ok(Locked { file, _name: None })
 }
 
 /// Whether a file was not opened since another program writes it.

@@ -194,6 +194,7 @@ impl RecordingWriter {
         }
         writer.sync()?;
         publish(part, path, old)?;
+        writer.file.keep_name(path);
         Ok(writer)
     }
 

@@ -43,7 +43,7 @@ fn start(cell: &VirtualCell, path: &PathBuf) -> Child {
 
 fn start_with(cell: &VirtualCell, path: &PathBuf, touches: u64) -> Child {
     Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", "kill::child"])
+        .args(["--exact", "kill::child", "--nocapture"])
         .env("TRICAL_TEST_RECORDING", path)
         .env("TRICAL_TEST_TOUCHES", touches.to_string())
         .env("TRICAL_TEST_GAUGE", cell.gauge_url())

@@ -12,6 +12,7 @@ mod compensate;
 mod corpus;
 mod device_cli;
 mod device_faults;
+#[cfg(unix)] // limits of memory by the shell, pipes, devices
 mod hostile;
 mod record;
 mod report;

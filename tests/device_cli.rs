@@ -260,10 +260,12 @@ fn a_measuring_process_that_is_killed_is_taken_up_from_where_the_arm_stands() {
     assert_eq!(place.rows("run.mcap").len(), 12);
 }
 
+#[cfg(unix)]
 fn signal(name: &str, child: &Child) {
     Command::new("kill").args([name, &child.id().to_string()]).status().unwrap();
 }
 
+#[cfg(unix)]
 #[test]
 fn ctrl_c_makes_the_arm_go_back_and_a_second_one_ends_at_once() {
     let place = planned(4);
@@ -559,6 +561,7 @@ fn a_standard_error_that_nobody_reads_does_not_end_a_run() {
     assert_eq!(place.rows("run.mcap").len(), 6);
 }
 
+#[cfg(unix)]
 #[test]
 fn ctrl_c_and_a_closed_terminal_stop_the_arm_in_the_middle_of_a_motion() {
     let place = planned(2);
@@ -585,6 +588,7 @@ fn ctrl_c_and_a_closed_terminal_stop_the_arm_in_the_middle_of_a_motion() {
     }
 }
 
+#[cfg(unix)]
 #[test]
 fn ctrl_c_stops_a_jog() {
     let place = Place::new();

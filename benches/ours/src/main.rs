@@ -15,7 +15,6 @@ mod scale;
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
 
-use nix::time::{ClockId, clock_gettime};
 use serde_json::json;
 use trical_model::{Cell, Joints, MAX_JOINTS, Model, Robot};
 
@@ -52,11 +51,20 @@ impl Task {
 }
 
 /// CPU time of the process, s.
+#[cfg(unix)]
 fn cpu() -> f64 {
+    use nix::time::{ClockId, clock_gettime};
     let t = clock_gettime(ClockId::CLOCK_PROCESS_CPUTIME_ID).unwrap();
     #[expect(clippy::cast_precision_loss, reason = "nanoseconds of a run")]
     let seconds = t.tv_sec() as f64 + 1e-9 * t.tv_nsec() as f64;
     seconds
+}
+
+/// Windows does not tell it to safe code: the time of day, on a machine that does nothing else.
+#[cfg(not(unix))]
+fn cpu() -> f64 {
+    static BEGIN: std::sync::LazyLock<std::time::Instant> = std::sync::LazyLock::new(std::time::Instant::now);
+    BEGIN.elapsed().as_secs_f64()
 }
 
 /// Median CPU time of a call over `batches` batches of at least 50 ms each, s. `f` is given a running number.

@@ -168,6 +168,11 @@ pub(crate) fn say_json(value: &impl serde::Serialize) -> Result<(), CliError> {
     say(serde_json::to_string_pretty(value)?)
 }
 
+/// A word as a shell takes it whole: for cmd.exe single quotes are none.
+pub(crate) fn quoted(word: &str) -> String {
+    if cfg!(windows) { format!("\"{word}\"") } else { format!("'{word}'") }
+}
+
 /// Characters in a line of prose.
 pub(crate) const LINE: usize = 108;
 

@@ -114,15 +114,12 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
 
-    /// Units in the last place between `x` and `y`, at least those of 1e-10.
-    fn ulp(x: f64, y: f64) -> f64 {
-        (x - y).abs() / (y.abs().max(1e-10) * f64::EPSILON)
-    }
-
     // the one of windows-gnu asks the processor, and is off by thousands of last places
     #[cfg(not(all(windows, target_env = "gnu")))]
     #[test]
     fn agrees_with_the_c_library_to_the_last_place() {
+        // units in the last place, at least those of 1e-10
+        let ulp = |x: f64, y: f64| (x - y).abs() / (y.abs().max(1e-10) * f64::EPSILON);
         let (mut x, mut k) = (0.0_f64, 0_u64);
         let mut worst = 0.0_f64;
         while x < 1.2e5 {

@@ -11,7 +11,7 @@ use trical_device::{Gauge, GaugeError, open_gauge};
 use trical_report::table;
 
 use crate::error::{CliError, Result};
-use crate::{interrupt, say, say_json, say_lines};
+use crate::{interrupt, quoted, say, say_json, say_lines};
 
 /// Arguments of `trical gauge`.
 #[derive(clap::Args)]
@@ -253,5 +253,5 @@ fn zero(link: &Link, as_json: bool) -> Result<()> {
         return say_json(&json!({ "zero_mm": zero.map(|v| v * 1e3), "gauge": url, "warnings": mastered.warnings }));
     }
     say(format!("On the calibrator the gauge shows {}. From now on use", shown(&zero)))?;
-    say(format!("--gauge '{url}'"))
+    say(format!("--gauge {}", quoted(&url)))
 }

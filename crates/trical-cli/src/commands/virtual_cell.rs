@@ -14,7 +14,7 @@ use trical_report::study::places::Guided;
 use super::record::Typed;
 use crate::error::{CliError, Result, of_wish};
 use crate::input::{self, RobotAndCell};
-use crate::say;
+use crate::{quoted, say};
 
 /// Arguments of `trical virtual-cell`.
 #[derive(clap::Args)]
@@ -158,7 +158,7 @@ pub fn run(args: &Args) -> Result<()> {
     say(if args.json {
         serde_json::json!({ "gauge": gauge, "controller": controller }).to_string()
     } else {
-        format!("--gauge '{gauge}' --controller '{controller}'")
+        format!("--gauge {} --controller {}", quoted(&gauge), quoted(&controller))
     })?;
     crate::note!("the virtual cell answers until it is ended with Ctrl-C");
     if let Some(person) = person {

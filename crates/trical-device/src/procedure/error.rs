@@ -128,7 +128,7 @@ pub enum Violation {
     },
     /// It moves away.
     #[error(
-        "a correction made the reading grow from {before_mm:.3} mm to {after_mm:.3} mm: check the channels and signs of the gauge's axes (x=, y=, z=, flip=)"
+        "a correction made the reading grow from {before_mm:.3} mm to {after_mm:.3} mm: check the channels and signs of the gauge's axes (x=, y=, z=, flip=), and whether a joint has that much backlash"
     )]
     Diverging {
         /// Length of the reading before in mm.

@@ -76,9 +76,8 @@ pub fn _export(
     if let Some(robot) = robot {
         file.require_robot(&robot.read()?, &name)?;
     }
-    let model = file.model;
     let said = interruptible(py, None, |_| -> Result<Value> {
-        let arm = Export::of(&model)?;
+        let arm = Export::of(&file)?;
         let to = Outputs {
             urdf: urdf.as_deref(),
             ur_kinematics: ur_kinematics.as_deref(),

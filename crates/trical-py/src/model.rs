@@ -189,7 +189,7 @@ impl PyModel {
 
     /// The rigid part as the text of a URDF, from link "world" over "base_link", "link_1" ... to "flange" and "tcp".
     fn to_urdf(&self) -> Result<String> {
-        Ok(Export::of(&self.file.model)?.urdf("a model in Python"))
+        Ok(Export::of(&self.file)?.urdf("a model in Python"))
     }
 
     /// Writes the rigid part as a URDF.

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use rand::{RngExt, SeedableRng};
 use serde_json::json;
-use trical_ident::{ErrorSummary, unit};
+use trical_ident::{ModelFile, unit};
 use trical_model::calibrated::{corrected_file, ur_kinematics, wrist_from_flange};
 use trical_model::pose::angles_zyx;
 use trical_model::robot::tidy;
@@ -12,7 +12,7 @@ use trical_model::urdf::{self, UrdfPath};
 use trical_model::{Forward, Joint, JointKind, Model, Pose, Rigid, Robot, State};
 
 use crate::error::{Error, Result};
-use crate::error_map::ErrorMap;
+use crate::error_map::{ErrorMap, MapSummary};
 use crate::table::csv;
 
 /// Where an arm is written for other programs.
@@ -89,22 +89,23 @@ impl LeftOut {
 }
 
 /// A calibrated arm as others can have it.
-pub struct Export {
+pub struct Export<'a> {
+    file: &'a ModelFile,
     model: Model,
     rigid: Rigid,
     left_out: LeftOut,
 }
 
-impl Export {
+impl<'a> Export<'a> {
     /// Of a model, its rigid part, with the tool that programs are compensated for ([`Model::with_seen_tcp`]).
     ///
     /// # Errors
     /// A model that has none.
-    pub fn of(model: &Model) -> Result<Self> {
-        let model = model.clone().with_seen_tcp();
+    pub fn of(file: &'a ModelFile) -> Result<Self> {
+        let model = file.model.clone().with_seen_tcp();
         let rigid = model.rigid()?;
         let left_out = LeftOut::of(&model, &rigid)?;
-        Ok(Self { model, rigid, left_out })
+        Ok(Self { file, model, rigid, left_out })
     }
 
     /// The texts of all files, and of an error map how large the errors are. A URDF is the `given` one, corrected, where there is one; `source` is what
@@ -112,12 +113,12 @@ impl Export {
     ///
     /// # Errors
     /// A model that the files cannot say.
-    pub fn texts<'a>(
+    pub fn texts<'b>(
         &self,
-        to: &Outputs<'a>,
+        to: &Outputs<'b>,
         given: Option<&UrdfPath>,
         (source, hash): (&str, &str),
-    ) -> Result<(Texts<'a>, Option<ErrorSummary>)> {
+    ) -> Result<(Texts<'b>, Option<MapSummary>)> {
         let (model, mut texts, mut errors) = (&self.model, Vec::new(), None);
         if let Some(out) = to.urdf {
             let own = || Ok(self.urdf(source));
@@ -130,7 +131,8 @@ impl Export {
             texts.push((out, self.table(out)?));
         }
         if let Some(out) = to.error_map {
-            let map = ErrorMap::of(model, to.poses)?;
+            let mut map = ErrorMap::of(model, to.poses)?;
+            map.expect(self.file)?;
             texts.push((out, map.csv()));
             errors = Some(map.summary());
         }
@@ -156,7 +158,7 @@ impl Export {
     /// # Errors
     /// Another ending of the name.
     pub fn table(&self, out: &Path) -> Result<String> {
-        let Self { model, rigid, left_out } = self;
+        let Self { model, rigid, left_out, .. } = self;
         let lines = |robot: &Robot| robot.joints.iter().enumerate().map(line).collect::<Vec<_>>();
         match out.extension().and_then(|e| e.to_str()) {
             Some("toml") => {
@@ -253,7 +255,7 @@ impl Export {
 
     /// What was written and what was left out, as JSON.
     #[must_use]
-    pub fn json(&self, written: &[String], errors: Option<&ErrorSummary>, cautions: &[String]) -> serde_json::Value {
+    pub fn json(&self, written: &[String], errors: Option<&MapSummary>, cautions: &[String]) -> serde_json::Value {
         json!({
             "written": written,
             "cautions": cautions,
@@ -341,7 +343,7 @@ mod tests {
         let mut model = arm();
         let swing = Basis::new(Variable::Joint { joint: 1 }, Shape::Sine { cycles: 1.0 });
         model.terms.push(term("swing", Site::Tool(Motion::Along(Axis::X)), swing, 2e-3));
-        let told = Export::of(&model).unwrap().json(&[], None, &[]);
+        let told = Export::of(&ModelFile::unmeasured(model.clone())).unwrap().json(&[], None, &[]);
         let a = model.robot.joints[0].limits[1];
         let rms = 2.0 * (0.5 - (2.0 * a).sin() / (4.0 * a)).sqrt();
         assert!((told["left_out_rms_mm"].as_f64().unwrap() - rms).abs() < 0.03 * rms, "{told} {rms}");
@@ -350,7 +352,8 @@ mod tests {
             (1.99..=2.0 + 1e-9).contains(&most) && told["left_out"][0].as_str().unwrap().starts_with("swing ("),
             "{told}"
         );
-        let rigid = Export::of(&arm()).unwrap();
+        let nominal = ModelFile::unmeasured(arm());
+        let rigid = Export::of(&nominal).unwrap();
         assert!(
             rigid.sentences()[0].starts_with("Nothing is left out")
                 && rigid.json(&[], None, &[])["left_out_max_mm"] == 0.0
@@ -364,10 +367,10 @@ mod tests {
             let mut model = arm();
             model.cell.tool.targets = vec![model.cell.tool.tcp];
             model.terms.push(term("y", site, Basis::CONSTANT, 0.7e-3));
-            Export::of(&model).unwrap()
+            ModelFile::unmeasured(model)
         };
-        let tool = at(Site::Tool(Motion::Along(Axis::Y)));
-        let seen = at(Site::Target { target: 1, axis: Axis::Y });
+        let files = [Site::Tool(Motion::Along(Axis::Y)), Site::Target { target: 1, axis: Axis::Y }].map(at);
+        let [tool, seen] = [0, 1].map(|k| Export::of(&files[k]).unwrap());
         let moved = seen.rigid.cell.tool.tcp - seen.model.cell.tool.tcp;
         assert!((moved.y - 0.7e-3).abs() < 1e-12 && seen.urdf("m") == tool.urdf("m"), "{moved}");
         let to = Outputs { urdf: None, ur_kinematics: None, mdh: Some(Path::new("t.csv")), error_map: None, poses: 1 };
@@ -390,7 +393,8 @@ mod tests {
                 ["delta_theta", "delta_d", "delta_alpha"].map(|n| format!("{n} = [0, 0, 0, 0, 0, 0]\n")).concat();
             let text = format!("{text}delta_a = [0.0001, 0, 0, 0, 0, {a}]\n");
             let robot = calibrated_by_maker(&ur5e, &text, "calibration.conf").unwrap();
-            Export::of(&Model::nominal(robot, Cell::bare())).unwrap().cautions(&to, None).unwrap()
+            let file = ModelFile::unmeasured(Model::nominal(robot, Cell::bare()));
+            Export::of(&file).unwrap().cautions(&to, None).unwrap()
         };
         assert_eq!(told(0.0), [""; 0]);
         let said = told(0.0007);
@@ -409,7 +413,8 @@ mod tests {
         model.terms.push(term("a_2", Site::Link { link: 2, parameter: Parameter::A }, Basis::CONSTANT, 1.5e-3));
         let site = Site::Link { link: 1, parameter: Parameter::Alpha };
         model.terms.push(term("alpha_1", site, Basis::CONSTANT, 0.25_f64.to_radians()));
-        let (nominal, export) = (&model.robot.joints, Export::of(&model).unwrap());
+        let file = ModelFile::unmeasured(model);
+        let (nominal, export) = (&file.model.robot.joints, Export::of(&file).unwrap());
         let text = export.table(Path::new("t.csv")).unwrap();
         let rows: Vec<Vec<&str>> = text.lines().map(|l| l.split(',').collect()).collect();
         assert_eq!((rows.len(), rows[0].clone()), (7, COLUMNS.to_vec()));

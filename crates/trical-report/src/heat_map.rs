@@ -223,7 +223,7 @@ fn panels(misses: &[Miss]) -> Vec<Panel> {
 /// The section of a report: what `trical export --error-map` writes, as pictures.
 pub fn section(model: &Model) -> Result<Section> {
     let map = ErrorMap::of(model, POSES)?;
-    let all = map.summary();
+    let all = map.summary().errors;
     Ok(Section::new("Position error of the nominal arm over its whole workspace, by this model")
         .with_text([format!(
             "At {POSES} poses at random within the limits of the joints the nominal arm's tool is \

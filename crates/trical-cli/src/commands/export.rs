@@ -54,7 +54,7 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(robot) = &args.robot {
         file.require_robot(&Robot::load(robot)?, &args.model.display().to_string())?;
     }
-    let arm = Export::of(&file.model)?;
+    let arm = Export::of(&file)?;
     let given = args.robot.as_deref().filter(|_| args.urdf.is_some()).and_then(UrdfPath::of);
     let source = args.model.file_stem().unwrap_or_default().to_string_lossy();
     let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
@@ -78,8 +78,11 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(e) = map {
         say(format!(
             "At {} poses within its limits the nominal arm is off by {:.3} mm on average and {:.3} mm at most, seen from its own base.",
-            args.poses, e.mean_mm, e.max_mm
+            args.poses, e.errors.mean_mm, e.errors.max_mm
         ))?;
+        if e.beyond > 0 {
+            say(format!("{} of them are {}.", e.beyond, file.visited().beyond_in_words()))?;
+        }
     }
     if args.urdf.is_none() && args.mdh.is_none() && args.ur_kinematics.is_none() {
         return Ok(());

@@ -114,41 +114,42 @@ impl Branches {
     /// How badly `q` fits what the text demands: 0 is well; `None` is not at all.
     #[must_use]
     pub fn mismatch(&self, demanded: &Configuration, q: &Joints) -> Option<u32> {
-        let unlike = |has: Option<bool>, wants: bool| u32::from(has.is_some_and(|h| h != wants));
-        let below = |x: f64| (x.abs() > SLACK).then_some(x < 0.0);
-        let behind = self.front(q).map(|f| f < 0.0);
-        match demanded {
-            Configuration::Free => Some(0),
-            Configuration::Abb(cf) => {
-                if QUADRANTS.exclude(cf, q) {
-                    return None;
-                }
-                let Ok(x) = u8::try_from(cf[3]) else { return Some(0) };
-                let zero = self.elbow(&Joints::default());
-                let bent_back = self.elbow(q).zip(zero).map(|(e, z)| e * z < 0.0);
-                Some(unlike(behind, x & 4 != 0) + unlike(bent_back, x & 2 != 0) + unlike(below(q[4]), x & 1 != 0))
+        let (excluded, turned) = match demanded {
+            Configuration::Free => (false, 0),
+            Configuration::Abb(cf) => (QUADRANTS.exclude(cf, q), 0),
+            Configuration::Kuka { t, .. } => {
+                let unlike = |t: u16| (0..self.dof.min(6)).any(|i| below(q[i]).is_some_and(|b| b != (t >> i & 1 == 1)));
+                (t.is_some_and(unlike), 0)
             }
-            Configuration::Kuka { s, t } => {
-                if let Some(t) = t
-                    && (0..self.dof.min(6)).any(|i| below(q[i]).is_some_and(|b| b != (t >> i & 1 == 1)))
-                {
-                    return None;
-                }
-                let Some(s) = s else { return Some(0) };
-                let bent = self.elbow.map(|e| wrapped(q[2] - e.stretched()) >= 0.0);
-                let wrist = below(q[4]).filter(|_| t.is_none());
-                Some(unlike(behind, s & 1 != 0) + unlike(bent, s & 2 != 0) + unlike(wrist, s & 4 != 0))
-            }
-            Configuration::Fanuc { flip, up, front, turns } => {
-                if turns.is_some_and(|turns| TURNS.exclude(&turns, q)) {
-                    return None;
-                }
-                let zero = self.elbow(&Joints::default());
-                let is_up = self.elbow(q).zip(zero).map(|(e, z)| e * z > 0.0);
+            Configuration::Fanuc { turns, .. } => {
                 // turns that the text counts are as it demands them
                 let counted = |joint: usize| turns.is_some() && NAMED.contains(&joint);
-                let turned = q.iter().enumerate().filter(|(joint, q)| q.abs() > PI && !counted(*joint)).count() as u32;
-                Some(unlike(below(q[4]), !flip) + unlike(is_up, *up) + unlike(behind, !front) + turned)
+                let turned = q.iter().enumerate().filter(|(joint, q)| q.abs() > PI && !counted(*joint)).count();
+                (turns.is_some_and(|turns| TURNS.exclude(&turns, q)), turned as u32)
+            }
+        };
+        (!excluded).then(|| self.unlike(demanded, q) + turned)
+    }
+
+    /// In how many of the parts that only choose among solutions (front, elbow, wrist) `q` is otherwise than the text demands.
+    #[must_use]
+    pub fn unlike(&self, demanded: &Configuration, q: &Joints) -> u32 {
+        let unlike = |has: Option<bool>, wants: bool| u32::from(has.is_some_and(|h| h != wants));
+        let behind = self.front(q).map(|f| f < 0.0);
+        let as_at_zero = || self.elbow(q).zip(self.elbow(&Joints::default())).map(|(e, z)| e * z > 0.0);
+        match demanded {
+            Configuration::Free | Configuration::Kuka { s: None, .. } => 0,
+            Configuration::Abb(cf) => {
+                let Ok(x) = u8::try_from(cf[3]) else { return 0 };
+                unlike(behind, x & 4 != 0) + unlike(as_at_zero(), x & 2 == 0) + unlike(below(q[4]), x & 1 != 0)
+            }
+            Configuration::Kuka { s: Some(s), t } => {
+                let bent = self.elbow.map(|e| wrapped(q[2] - e.stretched()) >= 0.0);
+                let wrist = below(q[4]).filter(|_| t.is_none());
+                unlike(behind, s & 1 != 0) + unlike(bent, s & 2 != 0) + unlike(wrist, s & 4 != 0)
+            }
+            Configuration::Fanuc { flip, up, front, .. } => {
+                unlike(below(q[4]), !flip) + unlike(as_at_zero(), *up) + unlike(behind, !front)
             }
         }
     }
@@ -230,6 +231,11 @@ impl Parts {
             left.then(|| ((new[j] - self.begin) / self.size).floor() as i16)
         })
     }
+}
+
+/// Whether a joint is below zero; of one that is nearly at zero nothing is said.
+fn below(q: f64) -> Option<bool> {
+    (q.abs() > SLACK).then_some(q < 0.0)
 }
 
 fn wrapped(x: f64) -> f64 {

@@ -49,7 +49,8 @@ pub struct Options {
     pub sessions: Vec<String>,
     /// Mass on the flange beyond the tool, kg.
     pub payload_kg: Option<f64>,
-    /// Take the solution nearest to the target before, whatever configuration the text demands.
+    /// Take the solution nearest to the target before where the arm has none in the configuration that the text demands; of ABB's targets always, as
+    /// with the controller's check switched off.
     pub any_configuration: bool,
     /// Targets are meant in the arm's own base, wherever it stands: what was identified of the base is left out.
     pub own_base: bool,

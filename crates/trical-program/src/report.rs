@@ -408,6 +408,18 @@ impl<'a> Tally<'a> {
         ))
     }
 
+    /// Targets whose configuration the arm does not have there, in one sentence.
+    pub fn unlike(&mut self, (count, first): (usize, Option<u32>)) -> Option<String> {
+        let scan = self.scan;
+        let spot = scan.spots.get(first? as usize)?;
+        let place = self.place(scan.at(spot), scan.written(spot).name);
+        let (targets, their) = if count == 1 { ("1 target", "its") } else { (&*format!("{count} targets"), "their") };
+        Some(format!(
+            "no joints of the arm have all of the configuration that the text gives for {targets} (the first in {place}): the one nearest to it is used; \
+             check {their} tool and frame"
+        ))
+    }
+
     /// Targets to which the program comes in several configurations, in one sentence.
     pub fn otherwise(&mut self, spots: &BTreeSet<u32>) -> Option<String> {
         let scan = self.scan;

@@ -108,9 +108,11 @@ pub fn compensate(
     let unsaid = if is_unsaid { tally.unsaid() } else { None };
     let without_turn = walked.without_turn.and_then(|spot| tally.without_turn(spot));
     let otherwise = tally.otherwise(&walked.otherwise);
+    let unlike = tally.unlike(walked.unlike);
     let others = [
         unsaid,
         without_turn,
+        unlike,
         otherwise,
         tally.homes(),
         tally.absolutely_accurate(),

@@ -61,8 +61,8 @@ pub struct Args {
     /// Mass on the flange beyond the tool's own, kg
     #[arg(long, value_name = "M")]
     payload_kg: Option<f64>,
-    /// Do not look at the configurations in the text (as after ConfJ\Off, ConfL\Off): take the solution nearest to the
-    /// target before
+    /// Take the solution nearest to the target before where the arm has none in the configuration that the text gives;
+    /// for ABB always, as after ConfJ\Off, ConfL\Off
     #[arg(long)]
     any_configuration: bool,
     /// Targets are meant in the arm's own base, wherever it stands: leave out what was identified of the base

@@ -42,6 +42,8 @@ pub struct Walked {
     pub without_turn: Option<u32>,
     /// Targets (as above) to which the program comes in another configuration, too, than the one they are corrected for.
     pub otherwise: BTreeSet<u32>,
+    /// Targets whose configuration in the text no joints of the arm have there: how many, and the first.
+    pub unlike: (usize, Option<u32>),
 }
 
 /// Where the program's own target is, by the nominal arm, and how it is approached.
@@ -61,6 +63,8 @@ struct Walk<'a> {
     sense: MotionSense,
     /// Whether something told how it stands there.
     is_known: bool,
+    /// Whether the program says near which joints the next target is, wherever the arm comes from.
+    is_told_near: bool,
     on_path: bool,
     /// Targets whose configuration the controller asks for at some motion.
     asked: HashSet<u32>,
@@ -116,6 +120,12 @@ impl Walk<'_> {
     fn solve(&mut self, index: u32, spot: &Spot) -> (Result<Joints, String>, Configuration) {
         let demanded = self.demanded(index);
         let found = self.all.start(spot, demanded, &self.last, &mut self.ws);
+        if let Ok(q) = &found
+            && !self.all.has(&demanded, q)
+        {
+            self.walked.unlike.0 += 1;
+            self.walked.unlike.1.get_or_insert(index);
+        }
         let is_asked = !self.on_path || self.asked.contains(&index);
         match demanded {
             Configuration::Kuka { s, t: Some(_) } if found.is_err() && !is_asked => {
@@ -146,7 +156,8 @@ impl Walk<'_> {
             self.is_known |= spot.shape.is_joints() || demanded != Configuration::Free;
             let others = if by_way { self.come_otherwise(index, q, &from) } else { Vec::new() };
             self.others = self.elsewhere(&others);
-            self.moved_first(by_way.then_some((index, *q)));
+            let is_told = std::mem::take(&mut self.is_told_near);
+            self.moved_first((by_way && !is_told).then_some((index, *q)));
         }
         if let Some(again) = self.again.get_mut(&index) {
             *again = Some(q.clone().map_err(drop));
@@ -231,6 +242,7 @@ impl Compensator<'_> {
             last: [0.0; MAX_JOINTS],
             sense: unknown_sense(),
             is_known: false,
+            is_told_near: false,
             on_path: false,
             asked: self.asked(),
             again: again.into_iter().map(|spot| (spot, None)).collect(),
@@ -283,7 +295,7 @@ impl Compensator<'_> {
                 Visit::Call(routine) => walk.call(routine),
                 Visit::Like(k) => {
                     walk.last = self.scan.nearest.get(k as usize).copied().unwrap_or(walk.last);
-                    walk.is_known = true;
+                    (walk.is_known, walk.is_told_near) = (true, true);
                     walk.others.clear();
                 }
                 Visit::OnPath(is) => walk.on_path = is,
@@ -373,6 +385,18 @@ impl Compensator<'_> {
         }
     }
 
+    /// The configuration that the controller keeps to: ABB's may be switched off.
+    pub(super) fn kept(&self, demanded: Configuration) -> Configuration {
+        let off = self.scan.configuration_off || self.options.any_configuration;
+        if off && matches!(demanded, Configuration::Abb(_)) { Configuration::Free } else { demanded }
+    }
+
+    /// Whether joints have all of the configuration that the text demands.
+    fn has(&self, demanded: &Configuration, q: &Joints) -> bool {
+        let kept = self.kept(*demanded);
+        self.branches.mismatch(&kept, q).is_some() && self.branches.unlike(&kept, q) == 0
+    }
+
     /// The nominal arm's joints at a pose, in the configuration that the text demands, else nearest to `last`.
     fn solve(
         &self,
@@ -390,8 +414,7 @@ impl Compensator<'_> {
                 self.dof
             ));
         }
-        let off = self.scan.configuration_off || self.options.any_configuration;
-        let demanded = if off { Configuration::Free } else { demanded };
+        let demanded = self.kept(demanded);
         let seed = State::at(last);
         let is_next = |q: &Joints| {
             let far = q.iter().zip(last).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
@@ -415,6 +438,9 @@ impl Compensator<'_> {
         // nearest first, so that the first of the best fits
         let best =
             all.iter().filter_map(|s| Some((self.branches.mismatch(&demanded, &s.joints)?, s))).min_by_key(|x| x.0);
+        if best.is_none() && self.options.any_configuration {
+            return nearest_solution(nominal, world, &seed, ws).map_err(|e| e.to_string());
+        }
         best.map(|(_, s)| s.joints).ok_or_else(|| {
             format!(
                 "{UNFIT} ({}); {} takes the solution nearest to the previous target",

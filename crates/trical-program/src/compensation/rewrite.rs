@@ -148,9 +148,8 @@ impl Compensator<'_> {
             read_back[k] = text.parse().map_or(*x, |read: f64| read * scale);
             edits.push((*span, text));
         }
-        let configuration = self.scan.configuration(spot);
-        let is_met = self.branches.mismatch(&configuration, &start.q).is_some();
-        if is_met && !self.scan.configuration_off && !self.options.any_configuration {
+        let configuration = self.kept(self.scan.configuration(spot));
+        if self.branches.mismatch(&configuration, &start.q).is_some() {
             let new = self.branches.rewritten(&configuration, &start.q, joints);
             let behind = spans.get(count..).unwrap_or(&[]);
             edits.extend(

@@ -34,8 +34,8 @@ const HERE: &str = "get_actual_tcp_pose get_target_tcp_pose get_forward_kin get_
 const KINEMATICS: [&[u8]; 2] = [b"get_inverse_kin", FORWARD];
 const FORWARD: &[u8] = b"get_forward_kin";
 /// Functions of the language whose values may stand in a place, beside those that begin as [`ASKS`].
-const VALUES: &str = "acos asin atan atan2 ceil cos d2r dot floor interpolate_pose inv length norm pow r2d random \
-    sin sqrt tan wrench_trans";
+const VALUES: &str = "acos asin atan atan2 ceil cos d2r dot floor interpolate_pose inv length norm point_dist pow r2d random \
+    sin size sqrt str_cat struct tan wrench_trans";
 const ASKS: [&[u8]; 7] = [b"get_", b"pose_", b"read_", b"is_", b"to_", b"rotvec2", b"rpy2"];
 /// Functions of the language that are given places and move nothing.
 const SHOW: &str = "textmsg popup socket_send_string socket_send_line socket_send_int set_pos \
@@ -76,6 +76,7 @@ pub fn scan(bytes: &[u8]) -> Scan {
             in_frames: HashMap::new(),
             bare: HashSet::new(),
             places: HashSet::new(),
+            several: HashSet::new(),
             near: HashMap::new(),
             open: Vec::new(),
             is_unbalanced: false,
@@ -99,6 +100,7 @@ pub fn scan(bytes: &[u8]) -> Scan {
         scan.problem(at, format!("goes where '{name}' says, a function that is not in the script"));
     }
     for (_, at) in given.into_iter().filter(|(name, _)| !functions.contains(name)) {
+        scan.calculated_places.push(at);
         scan.problem(at, "gives a place to a function that is not in the script: where the arm goes is not corrected");
     }
     in_one.into_iter().for_each(|name| names.no_target(name));
@@ -114,6 +116,13 @@ pub fn scan(bytes: &[u8]) -> Scan {
 
 fn is_motion(word: &[u8]) -> bool {
     MOTIONS.contains(&word)
+}
+
+/// Whether a function of the language, whose value may stand in a place.
+fn computes(word: &[u8]) -> bool {
+    is_among_as_written(word, VALUES)
+        || is_among_as_written(word, HERE)
+        || ASKS.iter().any(|begin| word.starts_with(begin))
 }
 
 /// Whether a circle: by way of its first place.
@@ -142,6 +151,8 @@ struct Reader<'a> {
     bare: HashSet<u64>,
     /// Names of numbers that make a place.
     places: HashSet<u64>,
+    /// Names of what holds several, each an element or a member of it.
+    several: HashSet<u64>,
     /// Joints to which those are near that a name stands for: indices into `Scan::nearest`.
     near: HashMap<u64, u32>,
     /// Where the blocks begin that are open.
@@ -244,9 +255,9 @@ impl<'a> Reader<'a> {
             _ => {
                 let name = hashed(word);
                 if let Some(is_statement) = flow.perhaps_called_as(name, word, c, now) {
-                    let is_given = is_statement && !is_among_as_written(word, SHOW) && self.is_given_place();
+                    let is_given = !is_among_as_written(word, SHOW) && !computes(word) && self.is_given_place();
                     self.given.extend(is_given.then_some((name, from)));
-                    self.names.called(name, is_given);
+                    self.names.called(name, is_given && is_statement);
                     if !self.scopes.parameters(name).is_empty() {
                         self.c.skip_blank();
                         self.call(name);
@@ -337,25 +348,42 @@ impl<'a> Reader<'a> {
         self.scopes.key(hashed(name), self.c.at)
     }
 
-    /// Whether a place is among the arguments of a function, from behind its name on. The cursor stays.
+    /// Whether a place, or what holds places, is among the arguments of a function, from behind its name on. The cursor stays.
     fn is_given_place(&mut self) -> bool {
         let start = self.c;
-        let mut more = self.c.eat(b'(');
+        let mut depth = u32::from(self.c.eat(b'('));
         let mut found = false;
-        while more && !found {
-            let argument = self.c;
-            skip_name(&mut self.c);
-            let is_literal = matches!(self.literal(), Literal::Numbers(..) | Literal::Unread(_));
-            let word = self.c.word();
+        while depth > 0 && !found && !self.c.done() && self.c.peek() != b'\n' {
+            match self.c.peek() {
+                b'(' => depth += 1,
+                b')' => depth -= 1,
+                _ if self.c.begins_string() => {
+                    self.c.skip_string();
+                    continue;
+                }
+                _ => {}
+            }
+            let word = match self.literal() {
+                Literal::None => self.c.word(),
+                _ => {
+                    found = true;
+                    break;
+                }
+            };
             let name = self.key(word);
-            // an element of a pose is a number
-            let is_whole = self.c.peek() != b'[';
-            found = is_literal
-                || is_whole && (self.moved_to.contains(&name) || self.places.contains(&name))
-                || word.starts_with(b"pose_") && self.c.peek() == b'('
-                || KINEMATICS.contains(&word);
-            self.c = argument;
-            more = next_argument(&mut self.c);
+            match self.c.peek() {
+                b'(' => {
+                    found = word.starts_with(b"pose_") || KINEMATICS.contains(&word);
+                    if !found && word != b"struct" && computes(word) {
+                        self.c.at += 1;
+                        self.close();
+                    }
+                }
+                // of a pose, a number
+                b'[' if !self.several.contains(&name) => {}
+                _ => found = [self.moved_to, &self.places, &self.several].iter().any(|all| all.contains(&name)),
+            }
+            self.c.at += usize::from(word.is_empty());
         }
         self.c = start;
         found
@@ -388,11 +416,17 @@ impl<'a> Reader<'a> {
             return self.element(element, hash);
         }
         if is_target && self.list_of_places(Span::new(from, from + word.len())) {
+            self.several.insert(hash);
             return;
         }
+        self.c.skip_blank();
+        let text = self.c.until(b"\n");
         let literal = self.literal();
-        if !matches!(literal, Literal::None) {
+        let holds_pose = text.windows(3).any(|w| !w[0].is_ascii_alphanumeric() && w[0] != b'_' && w.ends_with(b"p["));
+        if !matches!(literal, Literal::None) || text.starts_with(b"pose_") {
             self.places.insert(hash);
+        } else if text.starts_with(b"[[") || holds_pose && (text.starts_with(b"[") || text.starts_with(b"struct(")) {
+            self.several.insert(hash);
         }
         match literal {
             Literal::Numbers(shape, spans) => self.assigned(Span::new(from, from + word.len()), shape, &spans),
@@ -527,11 +561,7 @@ impl<'a> Reader<'a> {
 
     /// A place from here on is as far from a target as functions say; they are listed where nobody has read them.
     fn computed_by(&mut self) {
-        let others = self.functions_ahead().into_iter().filter(|(_, word, _)| {
-            !is_among_as_written(word, VALUES)
-                && !is_among_as_written(word, HERE)
-                && !ASKS.iter().any(|begin| word.starts_with(begin))
-        });
+        let others = self.functions_ahead().into_iter().filter(|(_, word, _)| !computes(word));
         let others: Vec<_> = others
             .map(|(_, word, behind)| (behind.at - word.len(), String::from_utf8_lossy(word).into_owned()))
             .collect();

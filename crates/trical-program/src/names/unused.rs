@@ -44,9 +44,9 @@ impl Names {
         };
         let mut found = Idle::default();
         for (name, target) in idle {
-            let read = read.get(&text(&target)).filter(|_| !self.gone_to.contains(&name));
-            match read {
-                Some(Read::PassedOn) => {}
+            let read = read.get(&text(&target));
+            match read.filter(|read| **read == Read::Listed || !self.gone_to.contains(&name)) {
+                Some(Read::PassedOn | Read::Listed) => {}
                 Some(Read::Only) => found.read.push(target),
                 None if self.read.contains(&name) && !self.gone_to.contains(&name) => {}
                 // where no motion is known, placeholders are told all the same: nothing else says that they stay
@@ -58,12 +58,14 @@ impl Names {
 }
 
 /// How the text uses a name.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Read {
     /// In what moves nothing.
     Only,
-    /// Other data are set from it, or a place that is listed is calculated from it: the arm may go there by another name.
+    /// Other data are set from it: the arm may go there by another name.
     PassedOn,
+    /// A line that is listed has it: a place is calculated from it, or it is given to what nobody has read.
+    Listed,
 }
 
 /// Where the lines begin that calculate a place to which the arm moves.
@@ -112,8 +114,12 @@ fn names_read(bytes: &[u8], comment: u8, names: &HashSet<u64>, listed: &HashSet<
             is_one_of(word_before, &[b"return"])
                 || bytes.get(..from).is_some_and(|b| b.trim_ascii_end().ends_with(b"="))
         };
-        if is_last && is_copied() || !listed.is_empty() && listed.contains(&line_of(bytes, from)) {
-            read.insert(name, Read::PassedOn);
+        if !listed.is_empty() && listed.contains(&line_of(bytes, from)) {
+            read.insert(name, Read::Listed);
+            continue;
+        }
+        if is_last && is_copied() {
+            read.entry(name).and_modify(|r| *r = (*r).max(Read::PassedOn)).or_insert(Read::PassedOn);
             continue;
         }
         behind.skip_space();

@@ -3,10 +3,10 @@
 use trical_model::ik::inverse_kinematics;
 use trical_model::pose::angles_zyx;
 use trical_model::{Forward, MAX_JOINTS, Model, State};
-use trical_program::{Dialect, Frames};
+use trical_program::{Dialect, Frames, Options, Program, compensate};
 
 use crate::fixtures::{IRB, KR6, LR, UR5E, device, flange, mm, nominal, numbers, pose, quadrant, quaternion, real};
-use crate::run;
+use crate::{options, run};
 
 #[test]
 fn the_configuration_in_the_text_chooses_the_branch() {
@@ -102,9 +102,10 @@ fn a_pose_that_the_arm_reaches_in_several_configurations_is_named() {
     let (v, t) = (trical_model::pose::rotation_vector(&p.rotation), &p.translation);
     let place = format!("p[{:.8},{:.8},{:.8},{:.9},{:.9},{:.9}]", t.x, t.y, t.z, v.x, v.y, v.z);
     let linear = format!("movel({place})\n");
+    let told = joints(&q).replace("movej(", &format!("servoj(get_inverse_kin({place},qnear=")).replace(")\n", "))\n");
     let mut turned = q;
     turned[5] += std::f64::consts::TAU;
-    // A, F: to joints in either configuration, T: in the first, a turn of joint 6 on; L: to the pose
+    // A, F: to joints in either configuration, T: in the first, a turn of joint 6 on; L: to the pose, N: in the first
     for (text, is_named, is_flipped) in [
         ("A if b:\n F end\n L", true, true),
         ("A if b:\n L end\n L", false, false),
@@ -117,6 +118,8 @@ fn a_pose_that_the_arm_reaches_in_several_configurations_is_named() {
         ("def main():\n def go():\n F end\n A go()\n L end\n", false, true),
         ("def main():\n def go():\n L end\n A go()\n F go()\n end\n", true, false),
         ("def main():\n def go():\n L end\n A go()\n A go()\n end\n", false, false),
+        ("def main():\n def go():\n N end\n A go()\n F go()\n end\n", false, false),
+        ("def main():\n while b:\n N F end\n end\n main()\n", false, false),
         ("A go()\n F go()\n def go():\n L end\n", true, false),
         ("def main():\n def go():\n L end\n A go()\n end\n F main()\n", false, false),
         ("def go():\n L end\n def main():\n go()\n end\n A main()\n F main()\n", true, true),
@@ -128,6 +131,7 @@ fn a_pose_that_the_arm_reaches_in_several_configurations_is_named() {
             .replace('F', &otherwise)
             .replace('L', &linear)
             .replace('T', &joints(&turned))
+            .replace('N', &told)
             .replace(' ', "");
         let program =
             program.replace('@', &place).replace("def", "def ").replace("if", "if ").replace("while", "while ");
@@ -223,4 +227,31 @@ fn a_turn_that_a_fanuc_demands_does_not_speak_for_the_other_side_of_the_arm() {
     let (_, report) = run(text.as_bytes(), Dialect::Fanuc, &n, &real(&n), &Frames::default());
     let reached = report.rows[0].joints.map(f64::to_degrees);
     assert!((reached[0] - q[0]).abs() < 1.0 && (reached[3] - q[3]).abs() < 1.0, "{reached:?}");
+}
+
+#[test]
+fn any_configuration_is_for_targets_whose_own_the_arm_does_not_have_and_these_are_told() {
+    let n = nominal(LR);
+    let q = [10.0, 12.0, -8.0, 20.0, -50.0, 30.0];
+    let asked = |config: &str, any_configuration: bool| {
+        let text = listing(&n, &q, "0, 0, 0").replace("N U T, 0, 0, 0", config);
+        let options = Options { any_configuration, ..options() };
+        let mut out = Vec::new();
+        let program = Program::of_file(text.as_bytes(), "p", Dialect::Fanuc, &mut out);
+        let report = compensate(program, &n, &real(&n), &Frames::default(), &options).unwrap();
+        let is_told = report.cautions.iter().any(|c| c.contains("no joints of the arm have all of the configuration"));
+        (report.rows.first().map(|row| row.joints[4] < 0.0), is_told)
+    };
+    for (config, takes, takes_any) in [
+        ("N U T, 0, 0, 0", (Some(true), false), (Some(true), false)),
+        // the wrist the other way round: joints 4 and 6 half a turn on
+        ("F U T, 0, 0, 0", (Some(false), false), (Some(false), false)),
+        ("F U T", (Some(false), false), (Some(false), false)),
+        // the elbow below, or behind: there is no such solution
+        ("N D T, 0, 0, 0", (Some(true), true), (Some(true), true)),
+        // a turn that no joints have
+        ("N U T, 0, 3, 0", (None, false), (Some(true), true)),
+    ] {
+        assert_eq!([asked(config, false), asked(config, true)], [takes, takes_any], "{config}");
+    }
 }

@@ -176,8 +176,7 @@ impl Walk<'_> {
 
     /// Whether how the arm comes to a target decides its joints there.
     pub(super) fn is_decided_by_way(&self, index: u32, spot: &Spot) -> bool {
-        let off = self.all.scan.configuration_off || self.all.options.any_configuration;
-        !spot.shape.is_joints() && (off || self.demanded(index) == Configuration::Free)
+        !spot.shape.is_joints() && self.all.kept(self.demanded(index)) == Configuration::Free
     }
 
     /// Keeps a motion that may be the first of what is open.

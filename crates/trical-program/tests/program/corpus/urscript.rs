@@ -45,6 +45,20 @@ pub(super) const URSCRIPT: &[Case] = &[
         &[1],
         &[(6, "not in the script")],
     ),
+    case(
+        "places in lists and structures, and in calls whose value is used, for functions that nobody has read",
+        "pts=[p[@0],p[@1]]\nst=struct(pick=p[@0])\nmovel(p[@2])\nmove_all(pts)\nmove_all([p[@0],p[@1]])\ngo(pts[0])\ngo(st.pick)\nrobot.move(p[@1])\nok=my_move(p[@0])\nif my_move(p[@1]):\nend\nd=point_dist(p[@0],p[@1])\nshow(d)\n",
+        &[3],
+        &[
+            (4, "not in the script"),
+            (5, "not in the script"),
+            (6, "not in the script"),
+            (7, "not in the script"),
+            (8, "not in the script"),
+            (9, "not in the script"),
+            (10, "not in the script"),
+        ],
+    ),
     case("a tool by its name", "set_tcp(pose=p[0.018,-0.012,0.118,0,0,0])\nmovel(p[@0])\n", &[2], &[]),
     case(
         "a routine above its caller",

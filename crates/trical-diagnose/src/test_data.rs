@@ -6,7 +6,8 @@ use rand_pcg::Pcg64Mcg;
 use trical_ident::dataset::Observation;
 use trical_ident::{Aim, Dataset, JointSource, ParameterSet, Scatter, simulate};
 use trical_model::{
-    Basis, Cell, Forward, Measured, Model, Place, Recording, Robot, Row, Shape, Site, State, Term, Variable,
+    Axis, Basis, Cell, Forward, Measured, Model, Motion, Place, Recording, Robot, Row, Shape, Site, State, Term,
+    Variable,
 };
 
 use crate::candidate::{Candidate, Physical};
@@ -61,6 +62,22 @@ pub(crate) fn touched(truth: &Model, count: u32) -> Dataset {
     let rows = (0..count).map(row).collect();
     let recording = Recording { name: "made".into(), joints: 6, rows, ..Recording::default() };
     Dataset::build(&[recording], JointSource::Read, None).unwrap()
+}
+
+/// So many touches, which read `shift` (m) more along x from the middle on, and an arm of which only the place of the device on the
+/// flange is sought. Whatever the poses, each axis of that is a mean of readings: fits are known in closed form.
+pub(crate) fn shifted(count: u32, shift: f64) -> (Model, Dataset) {
+    let mut model = arm();
+    let mut data = touched(&model, count);
+    for o in &mut data.observations[count as usize / 2..] {
+        let Measured::Touch { ball, reading: [x, y, z] } = o.measured else { continue };
+        o.measured = Measured::Touch { ball, reading: [x + shift, y, z] };
+    }
+    let tool = |axis: Axis| {
+        Term::new(format!("tool_{}", axis.name()), "tool", Site::Tool(Motion::Along(axis)), Basis::CONSTANT)
+    };
+    model.terms = Axis::ALL.map(tool).into();
+    (model, data)
 }
 
 /// An arm whose joint 2 is off by what the bases say, and 200 touches of it in order, with noise.

@@ -453,3 +453,106 @@ fn by_column<'a>(candidates: &[Candidate], weights: &'a [Vec<Vec<f64>>]) -> Vec<
     }
     all
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use nalgebra::Vector3;
+
+    use super::*;
+    use crate::catalogue::catalogue;
+    use crate::covariates::Covariates;
+    use crate::test_data::with_joint_2;
+
+    /// Nine touches by an arm that gives way, and all that can be asked of them.
+    fn made() -> (Model, Dataset, Vec<Candidate>) {
+        let (model, data) = with_joint_2(&[]);
+        let data = data.filtered(|o| o.row <= 9);
+        let candidates = catalogue(&Covariates::new(&model, &data, 1e-5).deflected(true), &[]).0;
+        (model, data, candidates)
+    }
+
+    /// How a residual of a touch, in the device's axes and in units of the noise, changes with the coefficient of a term.
+    fn differences(model: &Model, data: &Dataset, term: &Term, size: f64) -> Vec<f64> {
+        let noise = Noise::usual(1);
+        let ways = [size, -size].map(|value| {
+            let mut model = model.clone();
+            model.terms.push(Term { value, ..term.clone() });
+            Forward::new(model, Vec::new()).unwrap()
+        });
+        let plain = Forward::new(model.clone(), Vec::new()).unwrap();
+        let mut ws = plain.workspace();
+        let mut all = Vec::new();
+        for o in &data.observations {
+            let [up, down] = ways.each_ref().map(|forward| {
+                let mut ws = forward.workspace();
+                forward.residual(&o.state, &o.measured, o.frame, &mut ws);
+                Vector3::from_column_slice(&ws.residual()[..3])
+            });
+            let tool = plain.world_from_tool(&o.state, &mut ws).rotation;
+            let d = tool.transpose() * (up - down) / (2.0 * size);
+            all.extend((0..3).map(|k| d[k] / noise.sigma(0, &o.measured, k)));
+        }
+        all
+    }
+
+    #[test]
+    fn a_column_is_the_change_of_the_residual_with_its_coefficient() {
+        let (model, data, candidates) = made();
+        let linear = Linear::new(Fitted::all(&model), &candidates, &[], &data, &Noise::usual(1)).unwrap();
+        let terms = candidates.iter().flat_map(|c| c.terms.iter().zip(&c.scales));
+        let mut columns = 0;
+        for (column, (term, scale)) in terms.enumerate() {
+            let mut own = vec![0.0; linear.rows()];
+            linear.column(column, &mut own);
+            let expected = differences(&model, &data, term, 1e-3 * scale);
+            let largest = expected.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+            for (row, (a, b)) in own.iter().zip(&expected).enumerate() {
+                assert!((a - b).abs() <= 1e-5 * largest + 1e-9 / scale, "{}, row {row}: {a} {b}", term.name);
+                assert_eq!(*a, linear.column_at(row, column));
+            }
+            columns += 1;
+        }
+        assert!(columns > 200, "{columns}");
+    }
+
+    #[test]
+    fn rows_stand_in_the_order_of_the_touches_with_their_poses_and_the_parameters_beside_them() {
+        let (model, data, _) = made();
+        let linear = Linear::new(Fitted::all(&model), &[], &[], &data, &Noise::usual(1)).unwrap();
+        assert_eq!((linear.rows(), linear.jacobian.ncols()), (27, model.terms.len()));
+        assert!(linear.pose_of_row.iter().copied().eq((0..27).map(|row| row / 3)));
+        assert!(linear.sigma_of_row.iter().map(|s| s.1).eq((0..27).map(|row| row / 3)));
+        for (j, t) in model.terms.iter().enumerate() {
+            // the same term once more
+            let expected = differences(&model, &data, &Term { name: "again".into(), ..t.clone() }, 1e-6);
+            for (row, v) in expected.iter().enumerate() {
+                assert!((linear.jacobian[(row, j)] - v).abs() <= 1e-4 * v.abs() + 1e-1, "{}, row {row}: {v}", t.name);
+            }
+        }
+    }
+
+    #[test]
+    fn weights_of_a_candidate_are_factors_of_its_touches() {
+        let (model, data, candidates) = made();
+        let of = |weights: &[Vec<Vec<f64>>]| {
+            let linear = Linear::new(Fitted::all(&model), &candidates[..2], weights, &data, &Noise::usual(1)).unwrap();
+            (0..linear.rows()).map(|row| [0, 1].map(|column| linear.column_at(row, column))).collect::<Vec<_>>()
+        };
+        let half = (0..9).map(|k| if k < 4 { 0.5 } else { 0.0 }).collect();
+        for (row, (plain, weighed)) in of(&[]).iter().zip(of(&[Vec::new(), vec![half]])).enumerate() {
+            let factor = if row < 12 { 0.5 } else { 0.0 };
+            assert_eq!(weighed, [plain[0], factor * plain[1]], "row {row}");
+        }
+    }
+
+    #[test]
+    fn what_is_known_beforehand_is_a_row_in_standard_deviations() {
+        let (mut model, _, _) = made();
+        model.terms.truncate(3);
+        model.terms[1].value = 7.0;
+        let known = [PriorKnowledge::NOTHING, PriorKnowledge::about_zero(2.0)];
+        let priors = Fitted { known: &known, ..Fitted::all(&model) }.priors();
+        assert!(priors.iter().map(|p| (p.column, p.weight, p.residual)).eq([(1, 0.5, 3.5)]));
+    }
+}

@@ -242,3 +242,51 @@ fn spans(counts: impl Iterator<Item = usize>) -> Vec<(usize, usize)> {
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use trical_ident::fit::priors::PriorKnowledge;
+    use trical_model::Measured;
+
+    use super::*;
+    use crate::test_data::shifted;
+
+    /// How surely 60 touches tell the place of the device along an axis: 1 / variance.
+    fn information() -> f64 {
+        60.0 / Noise::usual(1).sigma(0, &Measured::Touch { ball: 0, reading: [0.0; 3] }, 0).powi(2)
+    }
+
+    #[test]
+    fn a_parameter_that_its_prior_holds_counts_as_far_as_the_data_determine_it() {
+        let (model, data) = shifted(60, 3e-5);
+        let as_sure = information().powf(-0.5);
+        let known =
+            [PriorKnowledge::about_zero(as_sure), PriorKnowledge::NOTHING, PriorKnowledge::about_zero(as_sure / 3.0)];
+        let of = |known: &[PriorKnowledge]| {
+            let fitted = Fitted { known, ..Fitted::all(&model) };
+            Design::weighted(fitted, &[], &[], &data, &Noise::usual(1), CorrelatedNoise::WHITE).unwrap()
+        };
+        assert!((of(&[]).parameters - 3.0).abs() < 1e-9);
+        assert!((of(&known).parameters - (0.5 + 1.0 + 0.1)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn what_is_left_is_the_scatter_about_the_mean_and_its_likelihood_that_of_restricted_likelihood() {
+        let (model, data) = shifted(60, 3e-5);
+        let design = Design::new(&model, &[], &data, &Noise::usual(1)).unwrap();
+        let left = information() / 4.0 * 3e-5_f64.powi(2);
+        assert!((design.ss / left - 1.0).abs() < 1e-9 && design.rows == 180, "{} {left}", design.ss);
+        for temper in [1.0, 0.5] {
+            let nats = -0.5 * (180.0 * temper - 3.0) * left.ln() - 1.5 * information().ln();
+            assert!((design.nats(temper) - nats).abs() < 1e-6, "{} {nats}", design.nats(temper));
+        }
+    }
+
+    #[test]
+    fn columns_of_candidates_follow_each_other() {
+        assert_eq!(spans([2, 0, 3].into_iter()), [(0, 2), (2, 2), (2, 5)]);
+        let products = Mat::from_fn(4, 4, |i, j| (10 * i + j) as f64);
+        assert_eq!(lower(&products, 1, 4), [11.0, 21.0, 22.0, 31.0, 32.0, 33.0]);
+    }
+}

@@ -530,3 +530,75 @@ impl Asked {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use trical_ident::Noise;
+    use trical_model::Measured;
+
+    use super::*;
+    use crate::test_data::shifted;
+
+    /// m
+    const SHIFT: f64 = 3e-5;
+
+    /// 60 touches that read more along x from the middle on, and the standard deviation of a reading.
+    fn made() -> (Design, f64) {
+        let (model, data) = shifted(60, SHIFT);
+        let noise = Noise::usual(1);
+        let sigma = noise.sigma(0, &Measured::Touch { ball: 0, reading: [0.0; 3] }, 0);
+        (Design::new(&model, &[], &data, &noise).unwrap(), sigma)
+    }
+
+    #[test]
+    fn every_row_is_in_the_part_of_its_pose_and_predicted_by_the_mean_of_the_others() {
+        let (design, sigma) = made();
+        let part_of = |pose: usize| pose / 7 % 4;
+        let partition = Partition::new(&design, &[], 4, &part_of).unwrap();
+        let mut all: Vec<usize> = partition.rows.concat();
+        all.sort_unstable();
+        assert!(all.into_iter().eq(0..180));
+        for (part, rows) in partition.rows.iter().enumerate() {
+            assert!(rows.iter().all(|row| part_of(row / 3) == part));
+        }
+        let left = partition.instead(&[], None);
+        for (row, left) in left.iter().enumerate() {
+            let others: Vec<usize> = (0..60).filter(|pose| part_of(*pose) != part_of(row / 3)).collect();
+            let later = others.iter().filter(|pose| **pose >= 30).count() as f64 / others.len() as f64;
+            let own = if row / 3 >= 30 { 1.0 } else { 0.0 };
+            let expected = if row % 3 == 0 { (own - later) * SHIFT / sigma } else { 0.0 };
+            assert!((left - expected).abs() < 1e-6, "row {row}: {left} {expected}");
+        }
+    }
+
+    #[test]
+    fn a_block_is_foreseen_with_the_variance_of_its_readings_and_of_the_mean_of_the_others() {
+        let (design, sigma) = made();
+        // of two parts, the first ten and the last ten poses are scored
+        let partition = Partition::new(&design, &[], 2, &|pose| pose / 30).unwrap();
+        let block_of = |pose: usize| [(0, 0), (5, 2)].into_iter().find(|b| b.0 == pose / 10).map(|b| b.1);
+        let foreseen = partition.predictive(3, &block_of).unwrap().of_blocks(&partition, &[], None).unwrap();
+        assert_eq!(foreseen.iter().map(|f| f.rows).collect::<Vec<_>>(), [30.0, 0.0, 30.0]);
+        // covariance of ten readings of an axis: 1 + 1/30 on the diagonal, 1/30 beside it
+        let spread = 1.0 + 10.0 / 30.0;
+        for f in [foreseen[0], foreseen[2]] {
+            let square = 10.0 * (SHIFT / sigma).powi(2) / spread;
+            assert!((f.square / square - 1.0).abs() < 1e-6, "{} {square}", f.square);
+            assert!((f.log_covariance - 3.0 * spread.ln()).abs() < 1e-6, "{}", f.log_covariance);
+        }
+    }
+
+    #[test]
+    fn a_position_error_is_the_length_of_the_three_numbers_of_a_touch() {
+        let (design, sigma) = made();
+        let partition = Partition::new(&design, &[], 3, &|pose| pose % 3).unwrap();
+        let mut residuals = [3.0, -4.0, 12.0].repeat(60);
+        let all = partition.position_errors(&residuals, None);
+        assert!(all.len() == 60 && all.iter().all(|e| (e / (13.0 * sigma) - 1.0).abs() < 1e-12));
+        // what was not predicted is left out
+        residuals[4] = f64::INFINITY;
+        let counts = [None, Some(0), Some(1)].map(|part| partition.position_errors(&residuals, part).len());
+        assert_eq!(counts, [59, 20, 19]);
+    }
+}

@@ -491,3 +491,84 @@ pub(crate) fn forward_substitution(l: &[f64], b: &[f64]) -> Vec<f64> {
     }
     y
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use trical_ident::Noise;
+    use trical_model::{Axis, Basis, Measured, Motion, Shape, Site, Term, Variable};
+
+    use super::*;
+    use crate::candidate::Candidate;
+    use crate::effect_id::EffectId;
+    use crate::test_data::{off, shifted};
+
+    /// m
+    const SHIFT: f64 = 3e-5;
+    const SCALE: f64 = 1e-5;
+
+    /// From the middle of 60 touches on.
+    const STEP: Shape = Shape::Step { at: 590.0 };
+
+    /// A candidate of the device's shift along x by these shapes of time, twice, where there is a step of `SHIFT`. The square of
+    /// what is left of a step, in units of the noise: half up and half down.
+    fn made(shapes: &[Shape]) -> (Design, f64) {
+        let (model, data) = shifted(60, SHIFT);
+        let mut c: Candidate = off(EffectId::ToolShift.into(), 3, Shape::One);
+        c.terms[0].site = Site::Tool(Motion::Along(Axis::X));
+        let of = |shape: &Shape| Term { basis: Basis::new(Variable::Time, *shape), ..c.terms[0].clone() };
+        (c.terms, c.scales) = (shapes.iter().map(of).collect(), vec![SCALE; shapes.len()]);
+        let noise = Noise::usual(1);
+        let sigma = noise.sigma(0, &Measured::Touch { ball: 0, reading: [0.0; 3] }, 0);
+        (Design::new(&model, &[c.clone(), c], &data, &noise).unwrap(), 60.0 / 4.0 / (sigma * sigma))
+    }
+
+    fn near(a: f64, b: f64) -> bool {
+        (a - b).abs() < 1e-9 * b.abs()
+    }
+
+    #[test]
+    fn a_step_is_found_as_far_as_its_prior_lets_it_and_pays_for_the_range_that_it_could_have_had() {
+        let (design, square) = made(&[STEP]);
+        let prior = 1.0 / (SCALE * SCALE);
+        let mut state = design.start();
+        assert!(near(design.lambda_of_size(&state, 0, 2e-5), 2e-5 * square.sqrt()));
+        let gain = design.gain(&state, 0);
+        let removed = (square * SHIFT).powi(2) / (square + prior);
+        assert!(near(gain.dss, removed), "{} {removed}", gain.dss);
+        assert!(near(gain.rank, square / (square + prior)) && near(gain.occam, 0.5 * (1.0 + square / prior).ln()));
+        assert_eq!(design.gain_of(&state, 0, 1.01 * removed).map(|g| g.dss), None);
+        // the device went the other way than its readings say
+        assert!(near(design.coefficients(&state, 0)[0], -SHIFT * square / (square + prior)));
+        let (dss, rank) = design.plain_gain(&state, 0);
+        assert!(near(dss, square * SHIFT * SHIFT) && rank == 1);
+
+        let before = state.ss;
+        assert!(near(before, dss), "nothing else is in the readings: {before} {dss}");
+        design.add(&mut state, 0);
+        assert!(near(before - state.ss, removed) && near(state.parameters - 3.0, gain.rank));
+    }
+
+    #[test]
+    fn columns_that_are_nearly_the_same_are_one_number_that_the_data_determine() {
+        // a step that takes one touch to come, but for a millionth
+        let slow = Shape::Tent { left: 580.0, centre: 600.0001, right: f64::INFINITY };
+        let (design, square) = made(&[STEP, slow]);
+        let state = design.start();
+        assert_eq!(design.plain_gain(&state, 0).1, 1);
+        // of two columns the mean counts
+        assert!((design.lambda_of_size(&state, 0, 2e-5) / (2e-5 * square.sqrt()) - 1.0).abs() < 1e-5);
+        // each of them takes half of what one with twice the variance would
+        let half = -SHIFT * square / (2.0 * square + 1.0 / (SCALE * SCALE));
+        assert!(design.coefficients(&state, 0).iter().all(|c| (c / half - 1.0).abs() < 1e-4));
+    }
+
+    #[test]
+    fn the_root_of_a_matrix_is_lower_and_solves_from_above() {
+        let root = cholesky(&[4.0, 2.0, 6.0, 2.0, 10.0, 9.0, 6.0, 9.0, 26.0], 3);
+        assert_eq!(root, [2.0, 0.0, 0.0, 1.0, 3.0, 0.0, 3.0, 2.0, 13.0_f64.sqrt()]);
+        assert_eq!(forward_substitution(&[2.0, 0.0, 1.0, 4.0], &[6.0, 11.0]), [3.0, 2.0]);
+        // of a matrix without one, what is left is a little above nothing
+        assert!(cholesky(&[1.0, 1.0, 1.0, 1.0], 2)[3] > 0.0);
+    }
+}

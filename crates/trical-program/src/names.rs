@@ -111,6 +111,10 @@ pub struct Names {
     listed: HashSet<u64>,
     /// Names of data that look like targets and are none, unless a motion goes there.
     no_targets: HashSet<u64>,
+    /// Where data are used as something else than a place of the arm, and their names.
+    otherwise: Vec<(u64, u32)>,
+    /// Targets that are meant there, each with where.
+    meant_otherwise: HashMap<u32, u32>,
     /// Where names are set from data as they are: what goes there is relative to nothing.
     copied_at: HashSet<u32>,
     /// Whether a name that is being followed is set from another one and shifted against it.
@@ -199,6 +203,8 @@ enum Use {
     Direct(Visit),
     /// Index into `Names::calls`.
     Called(u32),
+    /// Index into `Names::otherwise`.
+    Otherwise(u32),
 }
 
 impl Names {
@@ -250,7 +256,7 @@ impl Names {
         let is_motion = |u: &Use| match u {
             Use::Named(k) => !matches!(self.motions.get(*k as usize), Some(Motion { way: Way::Said, .. })),
             Use::Direct(visit) => !visit.is_no_motion(),
-            Use::Called(_) => false,
+            Use::Called(_) | Use::Otherwise(_) => false,
         };
         self.only_data = !self.uses.iter().any(is_motion);
     }
@@ -462,6 +468,14 @@ impl Names {
     /// The data of this name are no target unless a motion goes there.
     pub fn no_target(&mut self, name: u64) {
         self.no_targets.insert(name);
+    }
+
+    /// The data of this name are used here as something else than a place of the arm: as how far it is to go, or as a frame. They are no target, and
+    /// where a motion goes to what is meant here, this is listed.
+    pub fn used_otherwise(&mut self, name: u64, at: usize) {
+        self.no_target(name);
+        self.uses.push(Use::Otherwise(self.otherwise.len() as u32));
+        self.otherwise.push((name, at as u32));
     }
 
     /// A motion to a target that says itself with what it is meant; the name stands at `at`.

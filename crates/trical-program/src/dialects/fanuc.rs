@@ -119,6 +119,11 @@ fn register(digits: &[u8]) -> u64 {
     hashed(&[b"pr", digits].concat())
 }
 
+/// What a position or a register is called among the names.
+fn named(is_register: bool, digits: &[u8]) -> u64 {
+    if is_register { register(digits) } else { hashed(digits) }
+}
+
 /// Which of the `positions` the lines of `/MN` go to, one after the other, and where registers come from.
 fn motions(
     bytes: &[u8],
@@ -171,6 +176,9 @@ fn motions(
         now.statement(upper);
         if sets_frame(upper) {
             scan.problem(offset, changed_here("a tool or user frame"));
+            for (at, is_register, digits) in all.iter().filter(|(.., digits)| !digits.is_empty()) {
+                names.used_otherwise(named(*is_register, digits), offset + at);
+            }
         } else if let Some(equals) = assigned(upper)
             && let Some((0, is_register, digits)) = all.first().copied()
         {
@@ -339,13 +347,16 @@ fn motion(upper: &[u8], all: &[(usize, bool, &[u8])], offset: usize, now: &Activ
             if is_here {
                 names.set_from(register(digits), Origin::Here);
             } else {
-                names.no_target(register(digits));
+                names.used_otherwise(register(digits), offset + place);
             }
             continue;
         }
         if increment || other.is_some() {
             names.visit(Visit::Unknown);
-            names.no_target(if *is_register { register(digits) } else { hashed(digits) });
+            match increment {
+                true => names.used_otherwise(named(*is_register, digits), offset + place),
+                false => names.no_target(named(*is_register, digits)),
+            }
         } else if *is_register && digits.is_empty() {
             names.visit(Visit::Unknown);
             let what = "goes to a position register whose number only the running program knows (PR[R[...]])";
@@ -377,7 +388,11 @@ fn set_register(
     let at = at as u32;
     // of a sum, the place is the position; registers say how far from it
     let is_position = |(_, is_register, digits): &&(usize, bool, &[u8])| !is_register && !digits.is_empty();
+    // `PR[1]=PR[1]-PR[1]`: no shift
+    let is_zero = source.iter().filter(|b| **b == b'-').count() == 1
+        && matches!(from, [(_, true, a), (_, true, b)] if a == b && *a == digits && !source.contains(&b'+'));
     let origin = match from.iter().find(is_position).or(from.first()) {
+        _ if is_zero && !is_element => Origin::Computed(at),
         // a shift against itself goes with it
         Some((_, true, other)) if *other == digits => Origin::Name { name, at },
         _ if is_element => Origin::Computed(at),
@@ -385,7 +400,7 @@ fn set_register(
             if from.len() == 1 {
                 names.copied(at as usize);
             }
-            Origin::Name { name: if *is_register { register(other) } else { hashed(other) }, at }
+            Origin::Name { name: named(*is_register, other), at }
         }
         _ if has(source, b"LPOS") || has(source, b"JPOS") => Origin::Here,
         _ => Origin::Computed(at),

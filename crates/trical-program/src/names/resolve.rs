@@ -37,6 +37,7 @@ impl Names {
                     let moves = if self.routines.contains_key(name) { moving.contains(name) } else { *elsewhere };
                     2 * u32::from(moves)
                 }
+                Use::Otherwise(_) => 0,
                 Use::Named(k) => match self.motions.get(*k as usize) {
                     Some(Motion { way: Way::Said, .. }) | None => 0,
                     Some(Motion { name, way: Way::Perhaps, .. }) => u32::from(self.defined.contains_key(name)),
@@ -88,6 +89,10 @@ impl Names {
                     scan.visits.extend(moves.then_some(Visit::Fork(Fork::Anywhere)));
                     scan.visits.extend((moves && is_here).then_some(Visit::Call(name as u32)));
                 }
+                Use::Otherwise(k) => {
+                    let Some((name, at)) = self.otherwise.get(k as usize).copied() else { continue };
+                    self.means_otherwise(name, definitions.met(name, None), at);
+                }
                 Use::Named(k) => {
                     let Some(Motion { name, setup, way, at }) = self.motions.get(k as usize).copied() else { continue };
                     let problem = || elsewhere(Cursor::at(bytes, at as usize, 0).word());
@@ -109,6 +114,24 @@ impl Names {
         let gone = self.unused(scan, bytes);
         self.list_frames(scan);
         scan.remove(&gone);
+    }
+
+    /// What stands at `at` is no place of the arm: of these definitions of a name (`None` is any), and of what they are set from.
+    fn means_otherwise(&mut self, name: u64, met: Option<Vec<u32>>, at: u32) {
+        let mut seen = HashSet::from([name]);
+        let mut next = vec![(name, met)];
+        while let Some((name, met)) = next.pop() {
+            for origin in self.origins_met(name, met.as_deref()) {
+                let Origin::Name { name: other, .. } = origin else { continue };
+                next.extend((seen.len() <= MOST_NAMES && seen.insert(other)).then_some((other, None)));
+            }
+            for group in met.unwrap_or_else(|| self.all(name).collect()) {
+                let Some(g) = self.groups.get(group as usize) else { continue };
+                for spot in g.first..g.first + g.count {
+                    self.meant_otherwise.entry(spot).or_insert(at);
+                }
+            }
+        }
     }
 
     /// A motion to a name, of which it may meet these definitions; `None` is any.
@@ -176,6 +199,17 @@ impl Names {
         let no_targets = reached(self.no_targets.iter().copied(), from);
         let unused = no_targets.iter().filter(|name| groups(name).all(|g| g.used.is_none()));
         let mut gone: HashSet<u32> = unused.flat_map(groups).flat_map(|g| g.first..g.first + g.count).collect();
+        let in_use = |(spot, _): &(&u32, &u32)| self.in_use.get(**spot as usize) == Some(&true);
+        let mut both: Vec<(u32, u32)> =
+            self.meant_otherwise.iter().filter(in_use).map(|(spot, at)| (*spot, *at)).collect();
+        both.sort_unstable();
+        for (spot, at) in both {
+            let Some(s) = scan.spots.get(spot as usize) else { continue };
+            let target = scan.at(s);
+            scan.problem(target, "is used as an offset or a frame, too, for which a corrected place would be wrong");
+            scan.problem(at as usize, "uses a place to which the arm moves as an offset or a frame: it stays as it is");
+            gone.insert(spot);
+        }
         let idle = self.idle(scan, bytes);
         for (all, to) in [(idle.unused, &mut scan.unused), (idle.read, &mut scan.only_read)] {
             to.extend(all.into_iter().filter(|(spot, _)| spot.is_none_or(|spot| gone.insert(spot))).map(|(_, at)| at));

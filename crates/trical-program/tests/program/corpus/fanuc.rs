@@ -28,6 +28,19 @@ pub(super) const FANUC: &[Case] = &[
         &[(14, "another arm too")],
     ),
     case(
+        "places that are offsets or frames, too, and a register that is used anew",
+        "/PROG A\n/MN\n  1:  UFRAME_NUM=0 ;\n  2:  UTOOL_NUM=0 ;\n  3:L P[1] 100mm/sec FINE ;\n  4:L P[2] 100mm/sec FINE INC ;\n  5:L P[2] 100mm/sec FINE ;\n  6:  PR[5]=P[3] ;\n  7:L P[1] 100mm/sec FINE Offset,PR[5] ;\n  8:L PR[5] 100mm/sec FINE ;\n  9:  PR[6]=P[4] ;\n  10:  UFRAME[2]=PR[6] ;\n  11:  PR[7]=P[5] ;\n  12:L PR[7] 100mm/sec FINE ;\n  13:  PR[7]=PR[7]-PR[7] ;\n  14:  PR[7,3]=50 ;\n  15:L P[1] 100mm/sec FINE Offset,PR[7] ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@1\n};\nP[3]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@2\n};\nP[4]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[5]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@1\n};\n/END\n",
+        &[22, 42],
+        &[
+            (6, "uses a place"),
+            (9, "uses a place"),
+            (12, "frame is changed"),
+            (16, "calculated"),
+            (27, "too"),
+            (32, "too"),
+        ],
+    ),
+    case(
         "lines without numbers",
         "/PROG A\n/MN\n  :  !remark ;\n  :J P[1] 100% FINE ;\n:SR[1]=5 ;\n  :L PR[2:cache] R[4]mm/sec CR5 ACC R[6] Skip,LBL[1] ;\nL PR[3] 100mm/sec FINE ;\n  PR[3,1:x]=5 ;\n  PR[3]=P[1] ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
         &[14],

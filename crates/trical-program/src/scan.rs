@@ -367,10 +367,14 @@ impl Scan {
         if setup == OWN_SETUP {
             return;
         }
-        if let Some(s) = self.spots.get_mut(spot as usize) {
+        let Self { spots, setups, ambiguous, .. } = self;
+        if let Some(s) = spots.get_mut(spot as usize) {
+            let tool = |setup: u32| setups.get(setup as usize).map(|s| &s.tool);
             match s.setup() {
                 None => s.setup = setup,
-                Some(known) if known != setup => drop(self.ambiguous.insert(s.first, setup)),
+                // joint values are in no frame
+                Some(known) if s.shape.is_joints() && tool(known) == tool(setup) => {}
+                Some(known) if known != setup => drop(ambiguous.insert(s.first, setup)),
                 Some(_) => {}
             }
         }

@@ -142,8 +142,10 @@ pub fn position(
     if found.another_arm && !scan.problems.iter().any(|(_, what)| what == ANOTHER_ARM) {
         scan.problem(from, ANOTHER_ARM);
     }
-    let setup = Setup { tool: found.numbered(true, &active[0]), frame: found.numbered(false, &active[1]) };
     let pose: Option<Vec<Span>> = POSE.iter().map(|n| found.number(n)).collect();
+    // joint values are in no frame
+    let active_frame = if pose.is_some() { &active[1] } else { &Ok(None) };
+    let setup = Setup { tool: found.numbered(true, &active[0]), frame: found.numbered(false, active_frame) };
     let joints: Vec<Span> = JOINTS.iter().map_while(|n| found.number(n)).collect();
     if found.problem.is_none() && pose.is_none() && joints.is_empty() {
         let what = if found.untaught { "is not taught (***)" } else { "has no position of six numbers in GP1" };

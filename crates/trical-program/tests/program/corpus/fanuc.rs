@@ -41,6 +41,12 @@ pub(super) const FANUC: &[Case] = &[
         ],
     ),
     case(
+        "joint values in any frame",
+        "/PROG A\n/MN\n   1:  UTOOL_NUM=0 ;\n   2:  UFRAME_NUM=0 ;\n   3:J P[1] 50% FINE ;\n   4:  UFRAME_NUM=1 ;\n   5:J P[1] 50% FINE ;\n   6:L P[2] 100mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : F, UT : F,\n\tJ1= 10 deg, J2= 12 deg, J3= -8 deg, J4= 20 deg, J5= -50 deg, J6= 30 deg\n};\nP[2]{\n GP1:\n\tUF : F, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
+        &[13],
+        &[(15, "UFRAME_NUM")],
+    ),
+    case(
         "lines without numbers",
         "/PROG A\n/MN\n  :  !remark ;\n  :J P[1] 100% FINE ;\n:SR[1]=5 ;\n  :L PR[2:cache] R[4]mm/sec CR5 ACC R[6] Skip,LBL[1] ;\nL PR[3] 100mm/sec FINE ;\n  PR[3,1:x]=5 ;\n  PR[3]=P[1] ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\n/END\n",
         &[14],

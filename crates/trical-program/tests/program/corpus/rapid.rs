@@ -4,6 +4,12 @@ use super::{Case, case};
 
 pub(super) const RAPID: &[Case] = &[
     case(
+        "joint values in two frames, and with two tools",
+        "CONST jointtarget j:=[[10,12,-8,20,40,-30],[9E9,9E9,9E9,9E9,9E9,9E9]];\nCONST jointtarget k:=[[10,12,-8,20,40,-20],[9E9,9E9,9E9,9E9,9E9,9E9]];\nPERS wobjdata w:=[FALSE,TRUE,\"\",[[100,0,100],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\nPERS tooldata t:=[TRUE,[[0,0,120],[1,0,0,0]],[1,[0,0,50],[1,0,0,0],0,0,0]];\nMoveAbsJ j,v1,fine,tool0;\nMoveAbsJ j,v1,fine,tool0\\WObj:=w;\nMoveAbsJ k,v1,fine,tool0;\nMoveAbsJ k,v1,fine,t;\n",
+        &[1],
+        &[(2, "used with tool")],
+    ),
+    case(
         "several modules in a file, each with data of its own",
         "MODULE A\nLOCAL CONST robtarget p:=@0;\nLOCAL PERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nCONST robtarget q:=@2;\nPROC main()\nMoveL p,v1,fine,t;\nMoveL q,v1,fine,t;\nENDPROC\nENDMODULE\nMODULE B\nLOCAL CONST robtarget p:=@1;\nLOCAL PERS tooldata t:=[TRUE,[[0,0,8],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\nPROC go()\nVAR robtarget p;\np:=Seen();\nMoveL p,v1,fine,t;\nENDPROC\nPROC over()\nMoveL p,v1,fine,t;\nMoveL q,v1,fine,t;\nENDPROC\nENDMODULE\n",
         &[2, 11],

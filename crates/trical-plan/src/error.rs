@@ -44,7 +44,7 @@ pub enum PlanError {
         /// What was refused and why, counted.
         reason: String,
     },
-    /// Too few configurations could be found for validation.
+    /// Too few configurations could be found at all balls together.
     #[error("{found} collision-free configurations found in {attempts} attempts, expected {wanted}")]
     TooFewPoses {
         /// How many there are.

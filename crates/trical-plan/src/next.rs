@@ -57,12 +57,10 @@ pub fn plan_to_discriminate(
     let (model, mut pool, rejected) = candidates_at_all_balls(robot, cell, &options, &task.part(0.0, 0.8))?;
     let mut last_error = PlanError::NoBalls;
     for _ in 0..ROUNDS {
-        let few = |pool: &[Candidate]| PlanError::TooFew {
-            ball: 1,
+        let few = |pool: &[Candidate]| PlanError::TooFewPoses {
             found: pool.len(),
             wanted: count,
             attempts: rejected.iter().map(|r| r.attempts).sum(),
-            reason: "at all balls together".into(),
         };
         let (jacobians, rivals) = predicted(question, &pool)?;
         let chosen =
@@ -101,7 +99,7 @@ fn predicted(question: &Question<'_>, pool: &[Candidate]) -> Result<(Candidates,
     let mut ws = first.workspace();
     let mut jacobian = vec![0.0; 3 * p * pool.len()];
     for (c, block) in pool.iter().zip(jacobian.chunks_exact_mut((3 * p).max(1))) {
-        first.check(&state(c), &touch(c), 0)?;
+        question.rivals.iter().try_for_each(|f| f.check(&state(c), &touch(c), 0))?;
         first.linearize(&state(c), &touch(c), 0, &mut ws, block);
     }
     jacobian.iter_mut().for_each(|x| *x /= question.sigma);

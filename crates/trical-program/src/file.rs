@@ -413,6 +413,7 @@ impl<'a> Beside<'a> {
         let scan = Dialect::Krl.scan_with(&bytes, self).ok()?;
         let found = scan.routines.get(&hashed(name.as_bytes())).map(|setup| {
             let mut all = Outside { setup: setup.clone(), sets: krl::sets(&bytes), ..Outside::default() };
+            all.takes = scan.takes.get(&hashed(name.as_bytes())).cloned().unwrap_or_default();
             all.sets.extend(scan.called.iter().flat_map(|(_, other)| &other.sets));
             all.displaces = scan.called.iter().any(|(_, other)| other.displaces) || krl::displaces(&bytes);
             all

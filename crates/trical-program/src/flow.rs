@@ -394,6 +394,18 @@ fn in_any_file(setup: Setup) -> Setup {
     Setup { tool: setup.tool.map(|t| known("tool", t)), frame: setup.frame.map(|f| known("frame", f)) }
 }
 
+/// With what a routine goes to what another file gives to it: `None` is what is set at that call. `begins` is what is set where its own file calls it,
+/// which need not be what the other file has set.
+#[must_use]
+pub fn taken_with(setup: Setup, begins: Option<&Setup>) -> Setup {
+    let may_be_callers =
+        |is_tool| begins.is_some_and(|b| b.of(is_tool).is_some() && b.of(is_tool) == setup.of(is_tool));
+    let [tool, frame] = [(true, "tool"), (false, "frame")]
+        .map(|(is_tool, what)| may_be_callers(is_tool).then(|| format!("{UNKNOWN} {what} ({BY_CALLER})")));
+    let set = in_any_file(setup);
+    Setup { tool: tool.or(set.tool), frame: frame.or(set.frame) }
+}
+
 /// What was set where nobody knows it stands for nothing usable.
 fn declare_unknown(scan: &mut Scan) {
     let Scan { setups, frames, .. } = scan;

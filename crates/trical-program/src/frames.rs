@@ -104,6 +104,18 @@ impl Frames {
     }
 }
 
+impl Frames {
+    /// The name of a tool that nobody knows: with it a routine, which is in none of the files read, goes to what a program gives to it.
+    pub fn tool_of_unread(&mut self, routine: &str) -> String {
+        let name = format!("(that of {routine})");
+        let why = format!(
+            "is given to '{routine}', which is in none of the files read: with which tool it goes there is not known"
+        );
+        self.tools.entry(name.clone()).or_insert(Err(why));
+        name
+    }
+}
+
 /// Stands between a name and the offset in the text where it is given; a report says the line instead.
 pub const AT: &str = " at byte ";
 

@@ -29,6 +29,7 @@
 //! | [`text`], [`expression`] | bytes, numbers, lines; constant expressions |
 //! | [`flow`] | which of them routines, branches and loops leave |
 //! | [`reaching`] | which definitions of a name a motion may meet |
+//! | [`other_use`] | targets whose numbers the program uses otherwise, too |
 //! | [`elsewhere`], [`modules`] | what other files of the program have |
 //! | [`frames`] | tools and work objects, and files that give them |
 //! | [`branch`] | configurations |
@@ -52,6 +53,7 @@ pub mod literal;
 pub mod modules;
 pub mod names;
 pub mod options;
+pub mod other_use;
 pub mod packed;
 pub mod reaching;
 pub mod report;

@@ -5,8 +5,9 @@ mod sources;
 mod unused;
 
 use std::cmp::Ordering;
-use std::collections::{BTreeSet, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
+use crate::other_use::OtherUse;
 use crate::reaching::{Definition, Part};
 use crate::scan::{Fork, OWN_SETUP, Scan, Visit, hashed_as_written, reached};
 use crate::text::Span;
@@ -149,6 +150,8 @@ pub struct Names {
     read: HashSet<u64>,
     /// Names of which the program calculates a frame, and where.
     makes_frame: Vec<(u64, u32)>,
+    /// What else the program does with the numbers of names.
+    other_uses: BTreeMap<u64, OtherUse>,
     /// Whether the file has no motion of its own.
     only_data: bool,
     /// What begins comments, in a language in which [`Self::read`] is seen from the names in the text.
@@ -330,6 +333,46 @@ impl Names {
     #[must_use]
     pub fn is_read(&self, name: u64) -> bool {
         self.read.contains(&name)
+    }
+
+    /// The program does this with the data of this name, too, if motions go there.
+    pub fn also_used(&mut self, name: u64, other: OtherUse) {
+        let known = self.other_uses.entry(name).or_insert(other);
+        *known = other.min(*known);
+    }
+
+    /// Tells what else the program does with the numbers of targets to which motions go, or with data that are set from these.
+    fn tell_other_uses(&self, scan: &mut Scan) {
+        for (name, other) in &self.other_uses {
+            let all = reached([*name], |name| self.set_from_names(name));
+            let groups = all.into_iter().flat_map(|name| self.all(name)).filter_map(|k| self.groups.get(k as usize));
+            for spot in groups.flat_map(|g| g.first..g.first + g.count) {
+                if self.in_use.get(spot as usize) == Some(&true) {
+                    scan.also_used(spot, *other);
+                }
+            }
+        }
+    }
+
+    /// The names whose data are set from those of this one, itself among them.
+    #[must_use]
+    pub fn copies_of(&self, name: u64) -> HashSet<u64> {
+        reached([name], |name| self.copies.iter().filter(move |(_, from, ..)| *from == name).map(|(to, ..)| *to))
+    }
+
+    /// With which setups motions go to the data of these names.
+    #[must_use]
+    pub fn gone_to_with(&self, names: &HashSet<u64>) -> BTreeSet<u32> {
+        if names.is_empty() {
+            return BTreeSet::new();
+        }
+        self.motions.iter().filter(|motion| names.contains(&motion.name)).map(|motion| motion.setup).collect()
+    }
+
+    /// The names from which the data of this one are set.
+    fn set_from_names(&self, name: u64) -> impl Iterator<Item = u64> {
+        let from = |origin| if let Origin::Name { name, .. } = origin { Some(name) } else { None };
+        self.set_anywhere(name).filter_map(from)
     }
 
     /// The program calculates a frame from the data of this name, among others, here.

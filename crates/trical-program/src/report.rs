@@ -2,6 +2,7 @@
 
 use std::cmp::Ordering;
 use std::collections::{BTreeSet, HashMap};
+use std::path::Path;
 
 use serde_json::{Value, json};
 use trical_model::error::Lines;
@@ -10,6 +11,7 @@ use trical_model::{Joints, Pose};
 use crate::branch::Configuration;
 use crate::compensation::Done;
 use crate::dialects::Dialect;
+use crate::folders::name_of;
 use crate::frames::AT;
 use crate::options::{Options, Spelling};
 use crate::scan::{Scan, Setup, Spot, Visit};
@@ -263,7 +265,7 @@ pub(crate) struct Tally<'a> {
     /// Where each of several files begins: offset, its first line, name.
     files: Vec<(usize, usize, String)>,
     /// Lines of the offsets in names ([`AT`]).
-    given: HashMap<usize, usize>,
+    given: HashMap<usize, (String, usize)>,
     report: Report,
     counts: Vec<usize>,
 }
@@ -295,23 +297,28 @@ impl<'a> Tally<'a> {
         }
     }
 
-    /// Words in which the line stands for the offset of what has no name of its own.
-    fn with_lines(&mut self, words: &str) -> String {
+    /// Words, said of a place in this file, in which the line stands for the offset of what has no name of its own.
+    fn with_lines(&mut self, words: &str, file: &str) -> String {
         let mut pieces = words.split(AT);
         let mut out = pieces.next().unwrap_or_default().to_owned();
         for piece in pieces {
             let digits = piece.bytes().take_while(u8::is_ascii_digit).count();
             let (at, behind) = piece.split_at(digits);
             let at = at.parse().unwrap_or(0);
-            let line = self.given.get(&at).copied().unwrap_or_else(|| {
+            let (own, line) = self.given.get(&at).cloned().unwrap_or_else(|| {
                 // far above the targets: lines are counted from the last one that was asked for
                 let lines = std::mem::replace(&mut self.lines, Lines::new(self.bytes));
-                let line = self.line(at).1;
+                let place = self.line(at);
                 self.lines = lines;
-                self.given.insert(at, line);
-                line
+                self.given.insert(at, place.clone());
+                place
             });
-            out += &format!(" in line {line}{behind}");
+            let of = if own == file || file.is_empty() {
+                String::new()
+            } else {
+                format!(" of {}", name_of(Path::new(&own)))
+            };
+            out += &format!(" in line {line}{of}{behind}");
         }
         out
     }
@@ -324,7 +331,7 @@ impl<'a> Tally<'a> {
 
     fn problem(&mut self, spot: &Spot, what: &str) -> Problem {
         let mut problem = self.problem_at(self.scan.at(spot), self.scan.written(spot).name, String::new());
-        problem.what = self.with_lines(what);
+        problem.what = self.with_lines(what, &problem.file);
         problem
     }
 
@@ -547,7 +554,7 @@ impl<'a> Tally<'a> {
             .map(|(setup, n)| (said(setup), *n))
             .collect();
         for (words, n) in used {
-            let words = self.with_lines(&words);
+            let words = self.with_lines(&words, "");
             match self.report.setups.iter_mut().find(|(w, _)| *w == words) {
                 Some((_, m)) => *m += n,
                 None => self.report.setups.push((words, n)),

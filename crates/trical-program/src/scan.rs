@@ -9,7 +9,8 @@ use trical_model::Joints;
 
 use crate::branch::Configuration;
 use crate::frames::Frames;
-use crate::literal::Shape;
+use crate::literal::{Meant, Shape};
+use crate::other_use::OtherUse;
 use crate::packed::{External, Packed, Written};
 use crate::text::{Span, lower};
 
@@ -172,6 +173,19 @@ pub struct Outside {
     pub sets_by_name: bool,
     /// Data of others that it sets, by their hashed names.
     pub sets: Vec<u64>,
+    /// What it does with each of its arguments, where its language says so.
+    pub takes: Vec<Taken>,
+}
+
+/// What a routine does with a target that it is given.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Taken {
+    /// With which tools and frames it goes there; `None` is what is set at the call.
+    pub goes: Vec<Setup>,
+    /// Whether it may change it.
+    pub may_change: bool,
+    /// Whether it reads or sets single angles of it.
+    pub one_angle: bool,
 }
 
 /// Names that stand in a target in the place of numbers, each with its numbers where the program declares it.
@@ -187,6 +201,10 @@ pub struct Scan {
     configuration_indices: HashMap<Configuration, u32>,
     /// The other setup of targets that are used with several, by `Spot::first`.
     ambiguous: HashMap<u32, u32>,
+    /// What else the program does with the numbers of targets, by `Spot::first`.
+    other_uses: HashMap<u32, OtherUse>,
+    /// What the language calls the turns about z, y and x.
+    pub angles: [&'static str; 3],
     /// Values of numbers that are written as expressions, by their offset.
     expressions: HashMap<u32, f64>,
     /// Of targets in which names stand in the place of numbers, where they begin in the file and these names, by `Spot::first`.
@@ -196,6 +214,8 @@ pub struct Scan {
     setup_indices: HashMap<Setup, u32>,
     /// What each routine, by its hashed name, leaves set.
     pub routines: HashMap<u64, Setup>,
+    /// What each routine, by its hashed name, does with what others give to it.
+    pub takes: HashMap<u64, Vec<Taken>>,
     /// What is set where each routine, by its hashed name, is called.
     pub called_with: HashMap<u64, Setup>,
     /// Motions to names of which the file says nothing: the hashed name, and the setup.
@@ -389,6 +409,19 @@ impl Scan {
     #[must_use]
     pub fn ambiguous(&self, spot: &Spot) -> Option<u32> {
         self.ambiguous.get(&spot.first).copied()
+    }
+
+    /// The program does this, too, with the numbers of a target.
+    pub fn also_used(&mut self, spot: u32, other: OtherUse) {
+        let Some(spot) = self.spots.get(spot as usize) else { return };
+        let known = self.other_uses.entry(spot.first).or_insert(other);
+        *known = other.min(*known);
+    }
+
+    /// Why a target stays as it is because of what else the program does with its numbers, if it has to.
+    #[must_use]
+    pub fn forbidden(&self, spot: &Spot, meant: &Meant) -> Option<String> {
+        self.other_uses.get(&spot.first)?.forbids(meant, self.angles)
     }
 
     /// A target has these setups in the place of this one.

@@ -50,6 +50,9 @@ impl Compensator<'_> {
         let arm = &self.arms[index];
         let (nominal_ws, model_ws) = &mut ws[index];
         let (values, meant) = self.read(spot)?;
+        if let Some(why) = self.scan.forbidden(spot, &meant) {
+            return Err(why);
+        }
         let wanted = match &meant {
             Meant::Pose(pose) => place.world_from_frame.compose(pose),
             Meant::Joints(q) => arm.nominal.world_from_tool(&State::at(q), nominal_ws),

@@ -91,7 +91,7 @@ pub fn header(bytes: &[u8]) -> usize {
 #[must_use]
 pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
     let routines = arguments::routines(bytes);
-    let named = targets::targets(bytes, &routines.scopes);
+    let named = targets::targets(bytes, &routines, elsewhere);
     let pass = |flow: Flow| {
         let mut reader = Reader {
             c: Cursor::new(bytes, b';'),
@@ -127,7 +127,10 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
     reader.used_elsewhere(bytes);
     reader.in_products();
     let Reader { mut scan, mut names, .. } = reader;
+    scan.takes = routines.taken(&named, &names, &scan);
     named.no_targets.iter().for_each(|name| names.no_target(*name));
+    named.other_uses.iter().for_each(|(name, other)| names.also_used(*name, *other));
+    scan.angles = ["A", "B", "C"];
     names.resolve(&mut scan, bytes, &|name| {
         let name = String::from_utf8_lossy(name);
         format!("goes to '{name}', which the program's own files do not give as numbers ($config.dat and other programs stay as they are)")

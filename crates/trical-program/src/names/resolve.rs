@@ -111,6 +111,7 @@ impl Names {
             }
         }
         self.approached_from_anywhere(scan);
+        self.tell_other_uses(scan);
         let gone = self.unused(scan, bytes);
         self.list_frames(scan);
         scan.remove(&gone);
@@ -192,11 +193,7 @@ impl Names {
     fn unused(&self, scan: &mut Scan, bytes: &[u8]) -> HashSet<u32> {
         let groups = |name: &u64| self.all(*name).filter_map(|k| self.groups.get(k as usize));
         // what such data are set from is none either
-        let from = |name: u64| {
-            let origins = self.origins.get(&name).into_iter().flatten();
-            origins.filter_map(|(origin, _)| if let Origin::Name { name, .. } = origin { Some(*name) } else { None })
-        };
-        let no_targets = reached(self.no_targets.iter().copied(), from);
+        let no_targets = reached(self.no_targets.iter().copied(), |name| self.set_from_names(name));
         let unused = no_targets.iter().filter(|name| groups(name).all(|g| g.used.is_none()));
         let mut gone: HashSet<u32> = unused.flat_map(groups).flat_map(|g| g.first..g.first + g.count).collect();
         let in_use = |(spot, _): &(&u32, &u32)| self.in_use.get(**spot as usize) == Some(&true);

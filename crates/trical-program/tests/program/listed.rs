@@ -3,7 +3,7 @@
 use trical_model::{Axis, Basis, Motion, Site, Term};
 use trical_program::{Dialect, Frames, Options, Program, compensate};
 
-use crate::fixtures::{IRB, nominal, real};
+use crate::fixtures::{IRB, KR6, nominal, real};
 use crate::{options, run, unmarked};
 
 const TARGET: &str = "[[350,50,320],[0,0.6,0.8,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]";
@@ -94,4 +94,67 @@ fn what_is_too_far_off_for_a_correction_is_told_so_and_not_called_singular() {
     // much, but a correction: joints turn by more than 3 deg for it
     let report = with(Motion::Along(Axis::X), 0.03);
     assert!(report.problems.is_empty() && (report.largest_move - 0.03).abs() < 1e-3, "{:?}", report.problems);
+}
+
+fn of_krl(text: &str) -> Vec<String> {
+    let n = nominal(KR6);
+    let (_, report) = run(text.as_bytes(), Dialect::Krl, &n, &real(&n), &Frames::default());
+    report.problems.iter().map(ToString::to_string).collect()
+}
+
+#[test]
+fn single_angles_of_a_target_are_listed_near_ninety_degrees_about_y_only() {
+    let text = |b: &str| {
+        format!(
+            "DEF A()\nDECL POS B\nDECL POS P={{X 430,Y 0,Z 430,A 0,B {b},C 0}}\nLIN P\nB=P\nIF P.A>3 THEN\nENDIF\nB.B=B.B-15\nLIN B\nEND\n"
+        )
+    };
+    let found = of_krl(&text("88"));
+    assert!(
+        found.len() == 1 && found[0].contains("line 3 (P): its angles A and C change together near B"),
+        "{found:?}"
+    );
+    assert!(found[0].ends_with("one of its angles is read or set by itself in line 6"), "{found:?}");
+    assert!(of_krl(&text("75")).is_empty());
+}
+
+#[test]
+fn what_says_how_far_a_motion_goes_is_listed_only_if_another_goes_there() {
+    let text = |end: &str| format!("DEF A()\nDECL POS P={{X 430,Y 0,Z 430,A 0,B 60,C 0}}\nLIN P\n{end}END\n");
+    for (end, line) in [("LIN_REL P\n", 4), ("LIN P:P\n", 4)] {
+        let found = of_krl(&text(end));
+        assert!(found.len() == 1 && found[0].contains("line 2 (P): is used in two ways"), "{found:?}");
+        assert!(found[0].contains(&format!("goes in line {line}, ")), "{found:?}");
+    }
+    let apart = "DECL POS D={X 0,Y 0,Z 10,A 0,B 0,C 0}\nLIN_REL D\nLIN P:D\n";
+    assert!(of_krl(&text(apart)).is_empty());
+}
+
+#[test]
+fn what_no_file_has_and_is_given_a_place_is_listed_unless_it_reads_or_moves_nothing() {
+    let place = "{X 430,Y 0,Z 430,A 0,B 60,C 0}";
+    let text = |call: &str| {
+        format!(
+            "DEF A()\nDECL POS P={place}\nDECL POS Q={place}\nDECL POS E\nDECL FRAME F={place}\nLIN Q\n{}\nEND\n",
+            call.replace("PLACE", place)
+        )
+    };
+    for (call, line) in [("FAR(P,3)", 2), ("FAR(3,PLACE)", 7), ("E=P\nFAR(E)", 2)] {
+        let found = of_krl(&text(call));
+        assert!(
+            found.len() == 1 && found[0].contains(&format!("line {line}")) && found[0].contains("is given to 'far'"),
+            "{call}: {found:?}"
+        );
+    }
+    for call in
+        ["FAR(E)", "FAR(F)", "FAR(3)", "FAR({TOOL_NO 1})", "EKI_SETFRAME(\"a\",P)", "CWRITE(1,P)", "N=DIST(P,P)"]
+    {
+        assert!(of_krl(&text(call)).is_empty(), "{call}: {:?}", of_krl(&text(call)));
+    }
+}
+
+#[test]
+fn targets_in_structures_are_listed_as_such() {
+    let found = of_krl("DEF A()\nS={PICK {X 430,Y 0,Z 430,A 0,B 60,C 0},NR 1}\nLIN S.PICK\nEND\n");
+    assert!(found.iter().any(|f| f.contains("line 2: holds a target in a structure (STRUC)")), "{found:?}");
 }

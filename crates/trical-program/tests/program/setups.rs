@@ -142,7 +142,7 @@ fn data_that_other_statements_read_and_no_motion_goes_to_stay_as_they_are() {
 fn what_a_routine_gets_for_its_tool_or_base_is_no_target_left_as_it_is() {
     let n = nominal(KR6);
     let text = "DEF A()\nDECL E6POS XP1={X 430,Y 0,Z 430,A 0,B 90,C 0}\nDECL POS T1={X 18,Y -12,Z 118,A 0,B 0,C 0}\n\
-        DECL E6POS UNUSED={X 18,Y -12,Z 118,A 0,B 0,C 0}\nPICK(T1,XP1)\nSHOW(UNUSED)\nEND\n\
+        DECL E6POS UNUSED={X 18,Y -12,Z 118,A 0,B 0,C 0}\nPICK(T1,XP1)\nN=SHOW(UNUSED)\nEND\n\
         DEF PICK(T:IN,P:IN)\nDECL FRAME T\nDECL E6POS P\n$TOOL=T\nLIN P\nEND\n";
     let (_, report) = run(text.as_bytes(), Dialect::Krl, &n, &real(&n), &Frames::default());
     let stay: Vec<&String> = report.cautions.iter().filter(|c| c.contains("stay")).collect();

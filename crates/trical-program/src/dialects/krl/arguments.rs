@@ -1,13 +1,15 @@
 //! What routines do to their arguments in KRL: without `:IN` a routine may change what it is given, if its text does so.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
-use super::targets::{declarations, skip_index};
-use super::{ARM_BASE, CURRENT, ELEMENTS, HERE, Reader, THE_ARM_BASE, TYPES, before_bracket};
-use crate::names::Origin;
-use crate::scan::{changed_here, hashed};
-use crate::scopes::Scopes;
-use crate::text::{Cursor, Span, is_among, is_one_of, mentions};
+use super::targets::{Named, declarations, skip_index};
+use super::{ARM_BASE, BUILT_IN, CURRENT, ELEMENTS, HERE, Reader, THE_ARM_BASE, TYPES, before_bracket};
+use crate::flow::taken_with;
+use crate::names::{Names, Origin};
+use crate::other_use::OtherUse;
+use crate::scan::{Fork, Outside, Scan, Setup, Taken, changed_here, hashed};
+use crate::scopes::{Parameter, Scopes};
+use crate::text::{Cursor, Span, begins_line, is_among, is_one_of, lower, mentions};
 
 /// Of the language: they change none of what they are given.
 const CHANGE_NOTHING: &str = "CWRITE SWRITE COPEN CCLOSE PULSE ERR_RAISE INVERSE FORWARD INV_POS ABS SQRT VARSTATE \
@@ -18,6 +20,73 @@ const CHANGE_NOTHING: &str = "CWRITE SWRITE COPEN CCLOSE PULSE ERR_RAISE INVERSE
 pub(super) struct Routines {
     pub(super) scopes: Scopes,
     only_read: HashMap<u64, Vec<bool>>,
+}
+
+impl Routines {
+    /// Whether the file has a routine of this name.
+    pub(super) fn has(&self, routine: u64) -> bool {
+        self.only_read.contains_key(&routine)
+    }
+
+    /// Whether this is what a parameter of a routine is called among all names.
+    pub(super) fn is_parameter(&self, key: u64) -> bool {
+        self.only_read.keys().any(|routine| self.scopes.parameters(*routine).iter().any(|p| p.key == key))
+    }
+
+    /// What each routine does with what other files give to it.
+    pub(super) fn taken(&self, named: &Named, names: &Names, scan: &Scan) -> HashMap<u64, Vec<Taken>> {
+        let angles = named.other_uses.iter().filter(|(_, other)| matches!(other, OtherUse::OneAngle(_)));
+        let angles: HashSet<u64> = angles.map(|(name, _)| *name).collect();
+        let taken = |(routine, only_read): (&u64, &Vec<bool>)| {
+            let begins = scan.called_with.get(routine);
+            let parameters = self.scopes.parameters(*routine).iter().zip(only_read);
+            let each = parameters.map(|(parameter, only_read)| {
+                let is_target = named.moved_to.contains(&parameter.key);
+                let copies = if is_target { names.copies_of(parameter.key) } else { HashSet::new() };
+                let setups =
+                    names.gone_to_with(&copies).into_iter().filter_map(|k| scan.setups.get(k as usize).cloned());
+                Taken {
+                    goes: setups.map(|setup| taken_with(setup, begins)).collect(),
+                    may_change: !only_read,
+                    one_angle: !copies.is_disjoint(&angles),
+                }
+            });
+            (*routine, each.collect())
+        };
+        self.only_read.iter().map(taken).collect()
+    }
+}
+
+/// Of KUKA's technology packages, the beginnings of routines that move nothing.
+const NO_MOTIONS: &[u8] = b"EKI_";
+
+/// Whether a word at `from`, of which no file has a routine, may be one that goes to what it is given: a statement.
+pub(super) fn may_move(bytes: &[u8], from: usize, word: &[u8]) -> bool {
+    let moves_nothing = word.get(..NO_MOTIONS.len()).is_some_and(|begin| begin.eq_ignore_ascii_case(NO_MOTIONS));
+    begins_line(bytes, from) && !moves_nothing && !is_among(word, BUILT_IN) && !is_among(word, CHANGE_NOTHING)
+}
+
+/// Who gets the arguments of a call.
+enum Called<'a> {
+    /// A routine of this file: its parameters, and which of them it only reads.
+    Here(&'a [Parameter], &'a [bool]),
+    /// One of another file.
+    Elsewhere(Outside),
+    /// One of no file, which may move the arm.
+    Unread(String),
+    /// What is no routine that moves the arm.
+    Other,
+}
+
+impl Called<'_> {
+    /// Whether an argument stays as it is.
+    fn only_reads(&self, argument: usize) -> bool {
+        match self {
+            Self::Here(_, only_read) => only_read.get(argument) == Some(&true),
+            Self::Elsewhere(routine) => routine.takes.get(argument).is_some_and(|taken| !taken.may_change),
+            Self::Unread(_) | Self::Other => false,
+        }
+    }
 }
 
 /// The routines of a file.
@@ -80,23 +149,30 @@ impl Reader<'_> {
         if is_among(routine, CHANGE_NOTHING) {
             return;
         }
-        let only_read = self.routines.only_read.get(&hashed(routine));
-        let parameters = self.routines.scopes.parameters(hashed(routine));
         let start = self.c;
         let at = start.at - routine.len();
+        let name = hashed(routine);
+        let called = match self.routines.only_read.get(&name) {
+            Some(only_read) => Called::Here(self.routines.scopes.parameters(name), only_read),
+            None => match self.elsewhere.routine(&lower(routine)) {
+                Some(outside) => Called::Elsewhere(outside),
+                None if may_move(start.bytes, at, routine) => Called::Unread(lower(routine)),
+                None => Called::Other,
+            },
+        };
         self.c.skip_blank();
         self.c.at += 1;
         let (mut argument, mut depth) = (0, 0_usize);
         let mut begins = true;
         while !self.c.done() {
             self.c.skip_blank();
-            if let Some(parameter) = parameters.get(argument).filter(|_| std::mem::take(&mut begins)) {
-                self.becomes(parameter.key, at);
+            if std::mem::take(&mut begins) {
+                self.gives(argument, &called, at);
             }
             let word = self.c.word();
             if !word.is_empty() {
                 // of a function among the arguments: it is asked about by itself
-                if depth == 0 && !only_read.is_some_and(|list| list.get(argument).copied().unwrap_or(false)) {
+                if depth == 0 && !called.only_reads(argument) {
                     self.may_change(word, at);
                 }
                 continue;
@@ -116,6 +192,69 @@ impl Reader<'_> {
             self.c.at += 1;
         }
         self.c = start;
+    }
+
+    /// A call at `at` gives what stands at the cursor; the cursor stays where no target is written out.
+    fn gives(&mut self, argument: usize, called: &Called<'_>, at: usize) {
+        let name = self.key(self.c.clone().word(), self.c.at);
+        match called {
+            Called::Here(parameters, _) => {
+                if let Some(parameter) = parameters.get(argument) {
+                    self.becomes(parameter.key, at);
+                }
+            }
+            Called::Elsewhere(routine) => {
+                let Some(taken) = routine.takes.get(argument) else { return };
+                if taken.one_angle {
+                    self.names.also_used(name, OtherUse::OneAngle(at as u32));
+                }
+                let Setup { tool, frame } = self.now.clone();
+                let with = |setup: &Setup| Setup {
+                    tool: setup.tool.clone().or(tool.clone()),
+                    frame: setup.frame.clone().or(frame.clone()),
+                };
+                self.goes_there(taken.goes.iter().map(with).collect());
+            }
+            Called::Unread(routine) => {
+                if self.is_whole_place() || self.named.given_away.contains(&name) {
+                    let tool = Some(self.scan.frames.tool_of_unread(routine));
+                    self.goes_there(vec![Setup { tool, frame: self.now.frame.clone() }]);
+                }
+            }
+            Called::Other => {}
+        }
+    }
+
+    /// Whether all numbers of a place stand in braces at the cursor.
+    fn is_whole_place(&mut self) -> bool {
+        let start = self.c;
+        let is_whole = start.peek() == b'{' && self.aggregate().is_place();
+        self.c = start;
+        is_whole
+    }
+
+    /// A routine of another file goes to what stands at the cursor, with each of these; the cursor stays as in [`Self::gives`].
+    fn goes_there(&mut self, setups: Vec<Setup>) {
+        if setups.is_empty() {
+            return;
+        }
+        let (start, now, spots) = (self.c, self.now.clone(), self.scan.spots.len());
+        let is_literal = start.peek() == b'{';
+        for (k, setup) in setups.into_iter().enumerate() {
+            self.now = setup;
+            if k == 0 || !is_literal {
+                self.c = start;
+                self.place();
+            } else if self.scan.spots.len() > spots {
+                let setup = self.moves();
+                self.scan.assign(spots as u32, setup);
+            }
+        }
+        self.now = now;
+        if !is_literal {
+            self.c = start;
+        }
+        self.names.fork(Fork::Anywhere);
     }
 
     /// A parameter of a routine gets what stands at the cursor; the cursor stays where no target is written out.
@@ -150,7 +289,9 @@ impl Reader<'_> {
 
     fn may_change(&mut self, word: &[u8], at: usize) {
         let name = self.key(word, at);
-        if self.named.moved_to.contains(&name) {
+        if self.named.given_away.contains(&name) {
+            // it is listed where the routine goes there
+        } else if self.named.moved_to.contains(&name) {
             self.names.set_from(name, Origin::Computed(at as u32));
         } else if is_one_of(word, &CURRENT) {
             self.set(word.eq_ignore_ascii_case(b"$TOOL"), "(set by a routine)".to_owned());

@@ -37,6 +37,16 @@ impl Aggregate<'_> {
         numbers?.try_into().ok()
     }
 
+    /// Whether nothing of a place stands in it by itself.
+    fn is_structure(&self) -> bool {
+        !self.0.iter().any(|(name, _)| is_one_of(name, &POSE) || is_one_of(name, &AXES))
+    }
+
+    /// Whether it has all that a place needs, with values or without.
+    pub(super) fn is_place(&self) -> bool {
+        [&POSE, &AXES].iter().any(|names| names.iter().all(|name| self.field(name).is_some()))
+    }
+
     /// The first field of a target, tool or base that has no value before the program runs.
     pub(super) fn unread(&self) -> Option<Span> {
         let is_read = |name| [&POSE[..], &AXES, &EXTERNAL, &OTHERS].iter().any(|list| is_one_of(name, list));
@@ -75,6 +85,11 @@ impl<'a> Reader<'a> {
             (Some(_), _) => {}
             (None, Some(span)) => {
                 self.scan.unread(span, self.c.bytes);
+                self.names.listed(hash);
+            }
+            (None, None) if found.is_structure() && self.named.moved_to.contains(&hash) => {
+                let what = "holds a target in a structure (STRUC), which is not read";
+                self.scan.problem(name.at as usize, what);
                 self.names.listed(hash);
             }
             // some of its coordinates only

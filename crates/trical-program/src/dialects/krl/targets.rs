@@ -1,32 +1,41 @@
 //! Which names of a KRL program are targets, and which are frames.
 
-use std::collections::{BTreeSet, HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
-use super::{CURRENT, ELEMENTS, LOOP_ENDS, LOOPS, MOTIONS, TYPES, is_system};
+use super::arguments::{Routines, may_move};
+use super::{CURRENT, ELEMENTS, LOOP_ENDS, LOOPS, MOTIONS, RELATIVE, TYPES, is_system};
+use crate::elsewhere::Elsewhere;
+use crate::other_use::OtherUse;
 use crate::scan::{hashed, reached};
 use crate::scopes::Scopes;
-use crate::text::{Cursor, begins_line, is_one_of};
+use crate::text::{Cursor, begins_line, is_one_of, lower};
 
 /// What names of a program stand for.
 #[derive(Default)]
 pub(super) struct Named {
     /// Motions go there; a FRAME that none goes to is no target.
     pub moved_to: HashSet<u64>,
+    /// Of these, those to which only routines may go that are in none of the files read.
+    pub given_away: HashSet<u64>,
     /// Tools and bases are set from these, or they stand before the place in `LIN PALLET:XP1`.
     pub frames: HashSet<u64>,
     /// Motion data of which the program changes tool or base.
     pub changed_data: HashSet<u64>,
     /// No targets, unless a motion is found that goes there.
     pub no_targets: HashSet<u64>,
+    /// What the program does with data whether motions go there or not.
+    pub other_uses: Vec<(u64, OtherUse)>,
 }
 
 /// What the names of a program stand for.
-pub(super) fn targets(bytes: &[u8], scopes: &Scopes) -> Named {
-    let Named { mut moved_to, mut frames, mut no_targets, .. } = Named::default();
-    let (mut declared, mut products) = (HashSet::new(), BTreeSet::new());
+pub(super) fn targets(bytes: &[u8], routines: &Routines, elsewhere: &dyn Elsewhere) -> Named {
+    let scopes = &routines.scopes;
+    let Named { mut moved_to, mut given_away, mut frames, mut no_targets, mut other_uses, .. } = Named::default();
+    let (mut places, mut has_numbers) = (HashSet::new(), HashSet::new());
+    let (mut declared, mut products) = (HashSet::new(), BTreeMap::new());
     let mut given: HashMap<u64, Vec<u64>> = HashMap::new();
     let mut c = Cursor::new(bytes, b';');
-    while let Some((_, word)) = c.next_word() {
+    while let Some((from, word)) = c.next_word() {
         if is_system(word) {
             let start = c;
             skip_index(&mut c);
@@ -43,38 +52,56 @@ pub(super) fn targets(bytes: &[u8], scopes: &Scopes) -> Named {
         if word.eq_ignore_ascii_case(b"FRAME") {
             declared.extend(declarations(&mut c).into_iter().map(|name| scopes.key(name, c.at)));
         }
-        let parameters = scopes.parameters(hashed(word));
-        if !parameters.is_empty() {
-            let mut behind = c;
-            let mut more = behind.eat_in_line(b'(');
-            let mut parameters = parameters.iter();
-            while let Some(parameter) = parameters.next().filter(|_| more) {
-                behind.skip_blank();
-                let name = behind.word();
-                given.entry(parameter.key).or_default().push(scopes.key(hashed(name), behind.at));
-                more = next_argument(&mut behind);
+        if is_one_of(word, &TYPES) {
+            places.extend(declarations(&mut c.clone()).into_iter().map(|name| scopes.key(name, c.at)));
+        }
+        let arguments = arguments(c, scopes);
+        if routines.has(hashed(word)) {
+            for (parameter, name) in scopes.parameters(hashed(word)).iter().zip(arguments) {
+                given.entry(parameter.key).or_default().push(name);
+            }
+        } else if arguments.iter().any(|name| places.contains(name)) {
+            match elsewhere.routine(&lower(word)) {
+                Some(routine) => {
+                    let taken = routine.takes.iter().zip(arguments).filter(|(taken, _)| !taken.goes.is_empty());
+                    moved_to.extend(taken.map(|(_, name)| name));
+                }
+                None if may_move(bytes, from, word) => {
+                    given_away
+                        .extend(arguments.into_iter().filter(|name| places.contains(name) && !declared.contains(name)));
+                }
+                None => {}
             }
         }
         let mut source = c;
         skip_index(&mut source);
         if source.eat_in_line(b'=') && source.peek() != b'=' {
             let to = scopes.key(hashed(word), c.at);
-            if let [from] = operands(&mut source).as_slice()
-                && !from.is_empty()
-                && !is_system(from)
-            {
-                given.entry(to).or_default().push(scopes.key(hashed(from), source.at));
+            match operands(&mut source)[..] {
+                [b""] => drop(has_numbers.insert(to)),
+                [from] if !is_system(from) => given.entry(to).or_default().push(scopes.key(hashed(from), source.at)),
+                _ => {}
             }
         }
-        let mut more = is_one_of(word, &MOTIONS);
+        let mut part = c;
+        skip_index(&mut part);
+        if part.peek() == b'.' {
+            part.at += 1;
+            let is_angle = is_one_of(part.word(), &[b"A", b"B", b"C"]);
+            other_uses.extend(is_angle.then(|| (scopes.key(hashed(word), from), OtherUse::OneAngle(from as u32))));
+        }
+        let is_increment = is_one_of(word, &RELATIVE);
+        let mut more = is_increment || is_one_of(word, &MOTIONS);
         while more {
             c.skip_blank();
             let start = c.at;
-            match operands(&mut c).as_slice() {
-                [place] => drop(moved_to.insert(scopes.key(hashed(place), start))),
-                places => drop(
-                    products.insert(places.iter().map(|place| scopes.key(hashed(place), start)).collect::<Vec<_>>()),
-                ),
+            let places: Vec<u64> = operands(&mut c).iter().map(|place| scopes.key(hashed(place), start)).collect();
+            match places[..] {
+                _ if is_increment => {
+                    other_uses.extend(places.iter().map(|name| (*name, OtherUse::Increment(from as u32))))
+                }
+                [place] => drop(moved_to.insert(place)),
+                _ => drop(products.entry(places).or_insert(from)),
             }
             more = c.at > start && c.eat_in_line(b',');
         }
@@ -82,23 +109,35 @@ pub(super) fn targets(bytes: &[u8], scopes: &Scopes) -> Named {
     // the place is the first that is no frame, or the last
     let literal = hashed(b"");
     let is_frame = |name: &u64| *name == literal || declared.contains(name) && !moved_to.contains(name);
-    let mut places = Vec::new();
-    for mut all in products {
-        let last = all.pop();
-        let before = all.iter().take_while(|name| is_frame(name)).count();
-        frames.extend(all.iter().take(before).filter(|name| **name != literal));
-        places.push(all.get(before).copied().or(last).unwrap_or(literal));
+    let mut gone_to = Vec::new();
+    for (all, at) in products {
+        let before = all.iter().take(all.len().saturating_sub(1)).take_while(|name| is_frame(name)).count();
+        let (before, behind) = all.split_at(before);
+        frames.extend(before.iter().filter(|name| **name != literal));
         // the others say how far from the place
-        no_targets.extend(all.iter().skip(before + 1).chain(&last));
+        if let [place, shifts @ ..] = behind {
+            gone_to.push(*place);
+            other_uses.extend(shifts.iter().map(|name| (*name, OtherUse::Increment(at as u32))));
+            no_targets.extend(shifts);
+        }
     }
-    moved_to.extend(places);
+    moved_to.extend(gone_to);
     // what is given to a target is one itself
-    let moved_to = reached(moved_to, |parameter| given.get(&parameter).into_iter().flatten().copied());
+    let sources = |name: u64| given.get(&name).into_iter().flatten().copied();
+    let mut moved_to = reached(moved_to, sources);
+    // of what no motion here goes to, what has numbers, or perhaps gets them from another file
+    let comes_from_elsewhere = |name: &u64| routines.is_parameter(*name) && sources(*name).all(|from| from == *name);
+    given_away.retain(|name| {
+        let all = reached([*name], sources);
+        all.is_disjoint(&moved_to) && all.iter().any(|name| has_numbers.contains(name) || comes_from_elsewhere(name))
+    });
+    let given_away = reached(given_away, sources);
+    moved_to.extend(&given_away);
     // and what is given to a tool or base
-    let frames = reached(frames, |parameter| given.get(&parameter).into_iter().flatten().copied());
+    let frames = reached(frames, sources);
     no_targets.extend(&frames);
     no_targets.extend(read_in_part(bytes, scopes));
-    Named { moved_to, frames, no_targets, changed_data: changed_data(bytes) }
+    Named { moved_to, frames, no_targets, changed_data: changed_data(bytes), other_uses, given_away }
 }
 
 /// Motion data of which the program changes tool or base (`FP1.TOOL_NO=2`) and may have used them as changed above: in a loop, or in another
@@ -165,6 +204,19 @@ pub(super) fn skip_index(c: &mut Cursor<'_>) {
         c.skip_past(b']', b"\n\r");
         c.skip_blank();
     }
+}
+
+/// The names that stand as arguments in a call whose bracket follows; empty names where others stand.
+fn arguments(mut c: Cursor<'_>, scopes: &Scopes) -> Vec<u64> {
+    let mut found = Vec::new();
+    let mut more = c.eat_in_line(b'(');
+    while more {
+        c.skip_blank();
+        let name = c.word();
+        found.push(scopes.key(hashed(name), c.at));
+        more = next_argument(&mut c);
+    }
+    found
 }
 
 /// From within an argument to the next one of the same call and line.

@@ -397,14 +397,7 @@ impl Reader<'_> {
         if tool.is_some() {
             frame = frame.or_else(|| Some("wobj0".into()));
         }
-        let tool = tool.unwrap_or_else(|| {
-            let unsaid = format!("(that of {routine})");
-            let why = format!(
-                "is given to '{routine}', which is in none of the files read: with which tool it goes there is not known"
-            );
-            self.scan.frames.tools.entry(unsaid.clone()).or_insert(Err(why));
-            unsaid
-        });
+        let tool = tool.unwrap_or_else(|| self.scan.frames.tool_of_unread(routine));
         Setup { tool: Some(tool), frame }
     }
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .arm import Tool, from_quaternion, quaternion, shift, turn
+from .arm import Tool, angles, from_quaternion, quaternion, shift, turn
 from .language import Function, Leave, Machine, Motion, Parser, tokens
 
 PARTS = {
@@ -32,7 +32,11 @@ TO = {
 
 
 class Rapid(Parser):
-    """Modules."""
+    """Modules; `parts` are the components of its records."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self.parts: dict[str, int] = {}
 
     def index_opens(self) -> bool:
         return self.now.text == "{"
@@ -62,6 +66,12 @@ class Rapid(Parser):
                     self.list(")")
             elif self.has("endmodule"):
                 pass
+            elif self.has("record"):
+                self.next()
+                words = []
+                while not self.has("endrecord"):
+                    words.append(self.next().text)
+                self.parts |= {name: k for k, name in enumerate(words[1::3])}
             elif word in ("proc", "func", "trap"):
                 self.next()
                 if word == "func":
@@ -173,20 +183,23 @@ class Controller(Machine):
     def __init__(self) -> None:
         super().__init__()
         self.displaced = (np.eye(4), frozenset())
+        self.parts = PARTS
         self.set("tool0", [True, AT_ZERO, [0.0, [0.0] * 3]], frozenset())
         self.set("wobj0", [False, True, "", AT_ZERO, AT_ZERO], frozenset())
 
     def load(self, text: str, file: str = "") -> list:
-        data, routines = Rapid([t for t in tokens(text, "!", True, file) if t.kind != "end"]).module()
+        parser = Rapid([t for t in tokens(text, "!", True, file) if t.kind != "end"])
+        data, routines = parser.module()
+        self.parts = {**self.parts, **parser.parts}
         self.functions |= routines
         self.run([s for s in data if s[0] == "declare"])
         return [s for s in data if s[0] != "declare"]
 
     def key(self, of: Any, name: str) -> Any:
-        return PARTS[name]
+        return self.parts[name]
 
     def part(self, of: Any, name: str) -> Any:
-        return of[PARTS[name]]
+        return of[self.parts[name]]
 
     def combine(self, op: str, a: Any, b: Any) -> Any:
         if isinstance(a, list) or isinstance(b, list):
@@ -218,6 +231,8 @@ class Controller(Machine):
             return [*self.robtarget(moved)[:2], *p[2:]]
         if name == "posemult":
             return self.robtarget(from_quaternion(*given[0]) @ from_quaternion(*given[1]))[:2]
+        if name == "eulerzyx":
+            return dict(zip("zyx", angles(from_quaternion([0.0] * 3, given[0])), strict=True))[next(iter(options))]
         if name == "orientzyx":
             a, b, c = np.radians(given)
             return list(quaternion(turn(2, a) @ turn(1, b) @ turn(0, c)))

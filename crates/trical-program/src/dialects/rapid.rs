@@ -3,6 +3,7 @@
 //! Numbers may be expressions of constants (`CONST num`). A motion to a place that this file does not say (data of another
 //! module, what a function returns, `p.trans.z:=...`) is listed; what is shifted against a target goes with it.
 
+mod angles;
 mod called;
 mod data;
 mod frames;
@@ -10,6 +11,7 @@ mod given;
 mod motions;
 mod parts;
 mod reader;
+mod records;
 mod routines;
 
 pub use reader::{Effects, Exports};
@@ -23,6 +25,7 @@ use crate::scan::{Fork, Scan, Visit, changed_here, hashed};
 use crate::text::{Span, begins_line, is_one_of, lower, mentions};
 use motions::is_motion;
 use reader::{Place, Reader, scoped};
+use records::Kind;
 
 /// Instructions that move the arm otherwise than the text says, or displace what it says.
 const OTHERWISE: [(&[&[u8]], &str); 4] = [
@@ -70,6 +73,7 @@ pub fn scan(bytes: &[u8], elsewhere: &dyn Elsewhere) -> Scan {
     // the program's own declaration changes nothing
     reader.scan.frames.predefine("tool0", "wobj0");
     reader.names.end_of_file();
+    reader.scan.angles = ["\\Z", "\\Y", "\\X"];
     reader.used_elsewhere();
     reader.changed_around();
     reader.changed_where_lent();
@@ -174,16 +178,18 @@ impl Reader<'_> {
             self.c.skip_space();
             let from = self.c.at;
             let word = self.c.word();
+            self.note_angles();
             if word.is_empty() {
                 self.between_words(from);
                 before = b"";
                 continue;
             }
             let is = |w: &str| word.eq_ignore_ascii_case(w.as_bytes());
-            if is("robtarget") || is("jointtarget") {
-                self.data();
+            let is_declared = is_one_of(before, &DECLARES);
+            if is("robtarget") || is("jointtarget") || is_declared && self.records.hold_targets(Kind::of(word)) {
+                self.data(Kind::of(word));
             } else if is("tooldata") || is("wobjdata") {
-                self.frame(is("tooldata"), is_one_of(before, &DECLARES));
+                self.frame(is("tooldata"), is_declared);
             } else if is_one_of(word, &NO_TARGETS) {
                 self.other_data(is("num") && before.eq_ignore_ascii_case(b"const"));
             } else if let Some((words, what)) = OTHERWISE.iter().find(|(words, _)| is_one_of(word, words)) {
@@ -287,7 +293,9 @@ impl Reader<'_> {
     /// Words that begin or end routines, branches and loops.
     fn block(&mut self, from: usize, word: &[u8]) -> bool {
         let is = |words: &[&[u8]]| is_one_of(word, words);
-        if is(&[b"module"]) && self.has_modules {
+        if is(&[b"record"]) {
+            while self.c.next_word().is_some_and(|(_, word)| !word.eq_ignore_ascii_case(b"endrecord")) {}
+        } else if is(&[b"module"]) && self.has_modules {
             self.module = format!("module {}", lower(self.c.name_ahead()));
             self.of_module.clear();
             self.locals.clear();
@@ -306,7 +314,10 @@ impl Reader<'_> {
                 self.names.runs_at_any_time(name);
             }
             self.locals.clone_from(&self.of_module);
-            self.locals.extend(self.routines.get(&name).into_iter().flatten().map(|p| (p.name, p.scoped)));
+            for parameter in self.routines.get(&name).into_iter().flatten() {
+                self.locals.insert(parameter.name, parameter.scoped);
+                self.record_data.insert(parameter.scoped, parameter.kind);
+            }
         } else if is(&[b"endproc", b"endfunc", b"endtrap"]) {
             self.names.end(Some(Fork::Anywhere));
             self.within.clear();
@@ -478,8 +489,8 @@ impl Reader<'_> {
                 Place::Here => Origin::Here,
                 _ => Origin::Computed(at),
             }),
-            b'.' => Some(Origin::Computed(at)),
-            b if ends.contains(&b) => {
+            b'.' if !self.component(self.key(word)) => Some(Origin::Computed(at)),
+            b if b == b'.' || ends.contains(&b) => {
                 self.names.copied(from);
                 Some(Origin::Name { name: self.key(word), at })
             }

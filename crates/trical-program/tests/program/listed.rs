@@ -158,3 +158,26 @@ fn targets_in_structures_are_listed_as_such() {
     let found = of_krl("DEF A()\nS={PICK {X 430,Y 0,Z 430,A 0,B 60,C 0},NR 1}\nLIN S.PICK\nEND\n");
     assert!(found.iter().any(|f| f.contains("line 2: holds a target in a structure (STRUC)")), "{found:?}");
 }
+
+#[test]
+fn components_of_records_are_no_calls_and_have_one_tool() {
+    let declare = "RECORD speeds\nspeeddata fast;\nENDRECORD\nRECORD station\nspeeds sp;\nrobtarget pick;\nENDRECORD\n\
+        PERS station st{2}:=[[[v9],TARGET],[[v9],TARGET]];\nPERS tooldata t:=[TRUE,[[0,0,9],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\n";
+    let go = "PROC Go(station s,robtarget p)\nMoveL s.pick,v1,fine,tool0;\nMoveL p,v1,fine,tool0;\nENDPROC\n";
+    let found = |body: &str| problems(&format!("{declare}PROC main()\n{body}\nENDPROC\n{go}"));
+    assert!(found("MoveL st{2}.pick,v1,fine,tool0;\nGo st{1},st{2}.pick;").is_empty());
+    let two = found("MoveL st{1}.pick,v1,fine,t;\nGo st{1},st{2}.pick;");
+    assert!(two.len() == 2 && two.iter().all(|p| p.contains("line 8 (st): is used with")), "{two:?}");
+}
+
+#[test]
+fn a_program_of_motions_to_no_target_with_numbers_is_not_told_to_have_no_motions() {
+    let n = nominal(IRB);
+    let of = |text: &str| {
+        let mut out = Vec::new();
+        let program = Program::of_file(text.as_bytes(), "p", Dialect::Rapid, &mut out);
+        compensate(program, &n, &n, &Frames::default(), &options()).unwrap_err().to_string()
+    };
+    assert!(of("MoveL Offs(CRobT(),0,0,9),v1,fine,tool0;").contains("found motions, and none to a target"));
+    assert!(of("TPWrite \"a\";").contains("no targets found"));
+}

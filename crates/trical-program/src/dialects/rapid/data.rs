@@ -3,6 +3,7 @@
 use super::frames::{tool, work_object};
 use super::parts::Piece;
 use super::reader::{Element, Reader};
+use super::records::Kind;
 use crate::branch::Configuration;
 use crate::frames::declare;
 use crate::literal::Shape;
@@ -18,8 +19,8 @@ const NO_AXIS: f64 = 1e8;
 const DEEPEST: usize = 12;
 
 impl Reader<'_> {
-    /// `robtarget name{3}:=[...]`
-    pub(super) fn data(&mut self) {
+    /// `robtarget name{3}:=[...]`, or data of a record
+    pub(super) fn data(&mut self, kind: Kind) {
         self.c.skip_space();
         let from = self.c.at;
         let name = self.c.word();
@@ -39,16 +40,19 @@ impl Reader<'_> {
             }
         }
         self.c.skip_space();
+        self.record_data.insert(hash, kind);
         if self.c.peek() == b'{' {
-            self.arrays.insert(self.key(text));
+            if kind == Kind::Target {
+                self.arrays.insert(hash);
+            }
             self.c.skip_past(b'}', b";\n");
         }
         let start = self.c;
         if self.c.eat(b':') && self.c.eat(b'=') {
             self.c = start;
             self.assignment(from, text);
-        } else {
-            self.unset.insert(self.key(text));
+        } else if kind == Kind::Target || self.records.are_targets(kind) {
+            self.unset.insert(hash);
         }
     }
 

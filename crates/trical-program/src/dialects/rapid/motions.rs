@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use super::reader::{Place, Reader};
+use super::records::Kind;
 use crate::elsewhere::Goes;
 use crate::names::{Origin, Way};
 use crate::reaching::Part;
@@ -368,12 +369,20 @@ impl<'a> Reader<'a> {
                     self.element_of_frames(true, word);
                     arguments.tool = Some(name);
                 } else {
-                    let way = self.element().map_or(Way::To, Way::Element);
-                    arguments.places.push(Place::Name { name: self.key(word), way, at: from });
+                    let name = self.key(word);
+                    let way = self.way_to_element(name);
+                    arguments.places.push(Place::Name { name, way, at: from });
                 }
             }
             _ => arguments.tool = Some(name),
         }
+    }
+
+    /// How the arm goes to an element of these data, from the index on; each element of a record's has several targets.
+    pub(super) fn way_to_element(&mut self, name: u64) -> Way {
+        let element = self.element();
+        let is_record = matches!(self.record_data.get(&name), Some(Kind::Record(_)));
+        element.filter(|_| !is_record).map_or(Way::To, Way::Element)
     }
 
     /// The index of an array's element, from 0, where it is a number of which the text says which.

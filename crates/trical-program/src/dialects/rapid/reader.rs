@@ -1,9 +1,11 @@
 //! What RAPID's readers share: where they are in the text, and what they have found.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{HashMap, HashSet, VecDeque};
 
+use super::angles::single_angles;
 use super::given::Calls;
 use super::parts::{Piece, parts};
+use super::records::{Kind, Records};
 use crate::elsewhere::{Elsewhere, Goes, Outside};
 use crate::expression::Constants;
 use crate::frames::Frames;
@@ -50,6 +52,11 @@ pub(super) struct Reader<'a> {
     pub(super) used_parts: Vec<String>,
     /// What calls give to routines of this file, and what its functions return.
     pub(super) calls: Calls,
+    /// Records of the module, and the kinds of targets and of data of records.
+    pub(super) records: Records,
+    pub(super) record_data: HashMap<u64, Kind>,
+    /// Single angles of data that stand below the cursor: where, and the name of the data.
+    pub(super) single_angles: VecDeque<(usize, &'a [u8])>,
     pub(super) elsewhere: &'a dyn Elsewhere,
     /// What is given to routines that may change it.
     pub(super) lent: Vec<Lent>,
@@ -103,7 +110,8 @@ impl Place {
 impl<'a> Reader<'a> {
     /// At the beginning of a module.
     pub(super) fn of(bytes: &'a [u8], elsewhere: &'a dyn Elsewhere) -> Self {
-        let (routines, functions) = routines(bytes);
+        let records = Records::of(bytes);
+        let (routines, functions) = routines(bytes, &records);
         Self {
             c: Cursor::new(bytes, b'!'),
             names: Names::with_declarations().in_text(b'!'),
@@ -112,6 +120,8 @@ impl<'a> Reader<'a> {
             functions,
             has_modules: has_modules(bytes),
             parts: parts(bytes),
+            records,
+            single_angles: single_angles(bytes),
             elsewhere,
             wanted: elsewhere.wanted().into_iter().collect(),
             ..Self::default()
@@ -195,6 +205,7 @@ pub(super) struct Parameter {
     /// What it is called outside its routine (see [`scoped`]).
     pub scoped: u64,
     pub is_target: bool,
+    pub kind: Kind,
     /// Whether the routine may change what it gets.
     pub by_reference: bool,
 }
@@ -207,7 +218,7 @@ fn has_modules(bytes: &[u8]) -> bool {
 }
 
 /// Kinds of data that are targets.
-const TARGETS: [&[u8]; 2] = [b"robtarget", b"jointtarget"];
+pub(super) const TARGETS: [&[u8]; 2] = [b"robtarget", b"jointtarget"];
 
 /// Bytes before a routine's bracket or a statement that are looked at.
 pub(super) const FARTHEST: usize = 300;
@@ -215,7 +226,7 @@ pub(super) const FARTHEST: usize = 300;
 /// The routines of a module by their hashed names and which targets, tools and work objects they get; those that are functions, and
 /// whether what they return is a target.
 #[must_use]
-fn routines(bytes: &[u8]) -> (HashMap<u64, Vec<Parameter>>, HashMap<u64, bool>) {
+fn routines(bytes: &[u8], records: &Records) -> (HashMap<u64, Vec<Parameter>>, HashMap<u64, bool>) {
     let (mut found, mut functions) = (HashMap::new(), HashMap::new());
     let mut at = 0;
     while let Some(k) = bytes[at..].iter().position(|b| *b == b'(') {
@@ -227,10 +238,10 @@ fn routines(bytes: &[u8]) -> (HashMap<u64, Vec<Parameter>>, HashMap<u64, bool>) 
         let kind = words.find(|w| is_one_of(w, &[b"proc", b"func"]));
         if let (Some(kind), Some(name)) = (kind, words.next_back()) {
             if kind.eq_ignore_ascii_case(b"func") {
-                let is_target = words.next().is_some_and(|value| is_one_of(value, &TARGETS));
+                let is_target = words.next().is_some_and(|value| records.hold_targets(Kind::of(value)));
                 functions.insert(hashed(name), is_target);
             }
-            found.insert(hashed(name), parameters(bytes, at, name));
+            found.insert(hashed(name), parameters(bytes, at, name, records));
         }
     }
     (found, functions)
@@ -244,7 +255,7 @@ pub(super) fn scoped(name: &[u8], routine: &[u8]) -> u64 {
 }
 
 /// The parameters of a routine that are targets, tools and work objects, from behind its bracket on.
-fn parameters(bytes: &[u8], at: usize, routine: &[u8]) -> Vec<Parameter> {
+fn parameters(bytes: &[u8], at: usize, routine: &[u8], records: &Records) -> Vec<Parameter> {
     let mut c = Cursor::at(bytes, at, b'!');
     let mut found = Vec::new();
     let (mut places, mut place, mut is_other) = (0.., None, false);
@@ -254,10 +265,10 @@ fn parameters(bytes: &[u8], at: usize, routine: &[u8]) -> Vec<Parameter> {
         if !is_other {
             place = if named { None } else { places.next() };
         }
-        let mut kind = c.name_ahead();
-        let by_reference = is_one_of(kind, &[b"inout", b"var", b"pers", b"ref"]);
+        let mut word = c.name_ahead();
+        let by_reference = is_one_of(word, &[b"inout", b"var", b"pers", b"ref"]);
         if by_reference {
-            kind = c.name_ahead();
+            word = c.name_ahead();
         }
         let name = c.name_ahead();
         c.skip_space();
@@ -265,11 +276,12 @@ fn parameters(bytes: &[u8], at: usize, routine: &[u8]) -> Vec<Parameter> {
             // of an array: `{*,*}`
             c.at += c.until(b"}\n").len();
         }
-        let is_target = is_one_of(kind, &TARGETS);
-        if is_target || is_one_of(kind, &[b"tooldata", b"wobjdata"]) {
+        let kind = Kind::of(word);
+        let is_target = records.hold_targets(kind);
+        if is_target || is_one_of(word, &[b"tooldata", b"wobjdata"]) {
             let outside =
                 place.map_or_else(|| scoped(name, routine), |k: usize| scoped(k.to_string().as_bytes(), routine));
-            found.push(Parameter { name: hashed(name), scoped: outside, is_target, by_reference });
+            found.push(Parameter { name: hashed(name), scoped: outside, is_target, kind, by_reference });
         }
         c.skip_to(b",|\\)\n");
         is_other = c.peek() == b'|';

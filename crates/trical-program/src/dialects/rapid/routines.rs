@@ -39,7 +39,8 @@ const INSTRUCTIONS: &str = "
     WriteVarArr WZBoxDef WZCylDef WZDisable WZDOSet WZEnable WZFree WZHomeJointDef WZLimJointDef WZLimSup WZSphDef
     ALIAS AND CONST DIV ENDMODULE ENDRECORD FALSE LOCAL MOD MODULE NOT OR PERS RECORD SYSMODULE TASK THEN TO TRUE VAR XOR NOSTEPIN NOVIEW
     VIEWONLY READONLY STEP FROM DO WITH INOUT bool byte clock dnum num string pos pose orient robtarget jointtarget tooldata wobjdata
-    loaddata speeddata zonedata confdata extjoint robjoint intnum socketdev iodev errnum signaldi signaldo triggdata stoppointdata";
+    loaddata speeddata zonedata confdata extjoint robjoint intnum socketdev iodev errnum signaldi signaldo triggdata stoppointdata
+    switch signalai signalao signalgi signalgo shapedata rawbytes identno wzstationary wztemporary trapdata taskid tunetype welddata seamdata weavedata";
 
 /// Functions that calculate a frame from targets.
 const MAKE_FRAMES: [&[u8]; 3] = [b"defframe", b"defdframe", b"defaccframe"];
@@ -469,8 +470,8 @@ impl Reader<'_> {
         match self.c.peek() {
             _ if word.is_empty() => None,
             b'(' => Some(self.relative(word)),
-            b'{' => Some(Place::Name { name, way: self.element().map_or(Way::To, Way::Element), at }),
-            b'.' => None,
+            b'{' => Some(Place::Name { name, way: self.way_to_element(name), at }),
+            b'.' if !self.component(name) => None,
             _ => Some(Place::Name { name, way: Way::To, at }),
         }
     }

@@ -81,7 +81,10 @@ pub fn compensate(
     check_text(bytes).map_err(input)?;
     let mut scan = dialect.scan_with(bytes, elsewhere).map_err(input)?;
     if scan.spots.is_empty() && scan.problems.is_empty() && scan.only_read.is_empty() {
-        return Err(input(format!("no targets found; expected {}", dialect.expected())));
+        let moves = scan.visits.iter().any(|v| matches!(v, Visit::Unknown));
+        let found =
+            if moves { "found motions, and none to a target that is given as numbers" } else { "no targets found" };
+        return Err(input(format!("{found}; expected {}", dialect.expected())));
     }
     let mut known = std::mem::take(&mut scan.frames);
     refuse_set_late(&mut known, &scan, frames);

@@ -107,7 +107,7 @@ impl Frames {
 impl Frames {
     /// The name of a tool that nobody knows: with it a routine, which is in none of the files read, goes to what a program gives to it.
     pub fn tool_of_unread(&mut self, routine: &str) -> String {
-        let name = format!("(that of {routine})");
+        let name = format!("(the tool of {routine})");
         let why = format!(
             "is given to '{routine}', which is in none of the files read: with which tool it goes there is not known"
         );

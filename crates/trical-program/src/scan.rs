@@ -72,7 +72,11 @@ impl Setup {
     /// For messages.
     #[must_use]
     pub fn in_words(&self) -> String {
-        let tool = self.tool.as_deref().map_or("the cell's tool".to_owned(), |t| format!("tool '{t}'"));
+        let tool = match self.tool.as_deref() {
+            Some(name) if Self::says_no_tool(name) => name.trim_matches(['(', ')']).to_owned(),
+            Some(name) => format!("tool '{name}'"),
+            None => "the cell's tool".to_owned(),
+        };
         let frame = self.frame.as_deref().map_or("the robot's base".to_owned(), |f| format!("'{f}'"));
         format!("{tool} in {frame}")
     }

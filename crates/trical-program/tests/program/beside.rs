@@ -565,3 +565,25 @@ fn functions_beside_go_to_targets_of_the_program_and_routines_that_others_call_h
     let problems = told(&report).2;
     assert!(problems.len() == 1 && problems[0].contains("'held of go' is an argument"), "{problems:?}");
 }
+
+#[test]
+fn a_routine_of_another_file_goes_to_its_argument_with_the_tool_of_the_call_unless_its_own_file_calls_it_too() {
+    let main = "DEF A( )\nDECL E6POS P\nBAS(#TOOL,1)\nBAS(#BASE,0)\nP={X 430,Y 0,Z 430,A 0,B 60,C 0}\nGO(P)\nEND\n";
+    let routine = "DEF GO(Q:IN)\nDECL E6POS Q\nLIN Q\nEND\n";
+    let config = "TOOL_DATA[1]={X 0,Y 0,Z 10,A 0,B 0,C 0}\nTOOL_DATA[2]={X 0,Y 0,Z 20,A 0,B 0,C 0}\n";
+    let report = checked("given_beside", KR6, &[("a.src", main), ("go.src", routine), ("$config.dat", config)]);
+    assert_eq!(report.setups, [("tool '1' in '0'".to_owned(), 1)], "{report:?}");
+    assert_eq!(names(&report.read_with), ["$config.dat", "go.src"]);
+    let own =
+        format!("{routine}DEF OWN( )\nDECL E6POS R\nBAS(#TOOL,2)\nR={{X 430,Y 0,Z 430,A 0,B 60,C 0}}\nGO(R)\nEND\n");
+    let problems = told(&checked("given_both", KR6, &[("a.src", main), ("go.src", &own), ("$config.dat", config)])).2;
+    assert!(problems.len() == 1 && problems[0].contains("not the same wherever the routine is called"), "{problems:?}");
+    let turns = routine.replace("LIN Q", "Q.B=Q.B-15\nLIN Q");
+    let near = main.replace("B 60", "B 88");
+    let problems =
+        told(&checked("given_angle", KR6, &[("a.src", &near), ("go.src", &turns), ("$config.dat", config)])).2;
+    assert!(
+        problems.len() == 1 && problems[0].ends_with("one of its angles is read or set by itself in line 6"),
+        "{problems:?}"
+    );
+}

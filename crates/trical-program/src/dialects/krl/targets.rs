@@ -49,46 +49,52 @@ pub(super) fn targets(bytes: &[u8], routines: &Routines, elsewhere: &dyn Elsewhe
             }
             continue;
         }
-        if word.eq_ignore_ascii_case(b"FRAME") {
-            declared.extend(declarations(&mut c).into_iter().map(|name| scopes.key(name, c.at)));
-        }
         if is_one_of(word, &TYPES) {
-            places.extend(declarations(&mut c.clone()).into_iter().map(|name| scopes.key(name, c.at)));
+            let names = declarations(&mut c.clone()).into_iter().map(|name| scopes.key(name, c.at));
+            let kind = if word.eq_ignore_ascii_case(b"FRAME") { &mut declared } else { &mut places };
+            kind.extend(names);
         }
-        let arguments = arguments(c, scopes);
-        if routines.has(hashed(word)) {
-            for (parameter, name) in scopes.parameters(hashed(word)).iter().zip(arguments) {
-                given.entry(parameter.key).or_default().push(name);
-            }
-        } else if arguments.iter().any(|name| places.contains(name)) {
-            match elsewhere.routine(&lower(word)) {
-                Some(routine) => {
-                    let taken = routine.takes.iter().zip(arguments).filter(|(taken, _)| !taken.goes.is_empty());
-                    moved_to.extend(taken.map(|(_, name)| name));
+        let mut behind = c;
+        skip_index(&mut behind);
+        match behind.peek() {
+            b'(' => {
+                let arguments = arguments(behind, scopes);
+                let may_be_place =
+                    |name| places.contains(name) || declared.contains(name) || has_numbers.contains(name);
+                if routines.has(hashed(word)) {
+                    for (parameter, name) in scopes.parameters(hashed(word)).iter().zip(arguments) {
+                        given.entry(parameter.key).or_default().push(name);
+                    }
+                } else if arguments.iter().any(may_be_place) {
+                    match elsewhere.routine(&lower(word)) {
+                        Some(routine) => {
+                            let taken = routine.takes.iter().zip(arguments).filter(|(taken, _)| !taken.goes.is_empty());
+                            moved_to.extend(taken.map(|(_, name)| name));
+                        }
+                        None if may_move(bytes, from, word) => {
+                            given_away.extend(arguments.into_iter().filter(|name| places.contains(name)));
+                        }
+                        None => {}
+                    }
                 }
-                None if may_move(bytes, from, word) => {
-                    given_away
-                        .extend(arguments.into_iter().filter(|name| places.contains(name) && !declared.contains(name)));
+            }
+            b'=' if behind.assigns() => {
+                behind.eat_in_line(b'=');
+                let to = scopes.key(hashed(word), c.at);
+                match operands(&mut behind)[..] {
+                    [b""] => drop(has_numbers.insert(to)),
+                    [name] if !is_system(name) => {
+                        given.entry(to).or_default().push(scopes.key(hashed(name), behind.at))
+                    }
+                    _ => {}
                 }
-                None => {}
             }
-        }
-        let mut source = c;
-        skip_index(&mut source);
-        if source.eat_in_line(b'=') && source.peek() != b'=' {
-            let to = scopes.key(hashed(word), c.at);
-            match operands(&mut source)[..] {
-                [b""] => drop(has_numbers.insert(to)),
-                [from] if !is_system(from) => given.entry(to).or_default().push(scopes.key(hashed(from), source.at)),
-                _ => {}
+            b'.' => {
+                behind.at += 1;
+                let is_angle = is_one_of(behind.word(), &[b"A", b"B", b"C"]);
+                other_uses.extend(is_angle.then(|| (scopes.key(hashed(word), from), OtherUse::OneAngle(from as u32))));
             }
-        }
-        let mut part = c;
-        skip_index(&mut part);
-        if part.peek() == b'.' {
-            part.at += 1;
-            let is_angle = is_one_of(part.word(), &[b"A", b"B", b"C"]);
-            other_uses.extend(is_angle.then(|| (scopes.key(hashed(word), from), OtherUse::OneAngle(from as u32))));
+            _ => {}
         }
         let is_increment = is_one_of(word, &RELATIVE);
         let mut more = is_increment || is_one_of(word, &MOTIONS);

@@ -115,7 +115,7 @@ pub struct Names {
     /// Where data are used as something else than a place of the arm, and their names.
     otherwise: Vec<(u64, u32)>,
     /// Targets that are meant there, each with where.
-    meant_otherwise: HashMap<u32, u32>,
+    meant_otherwise: BTreeMap<u32, u32>,
     /// Where names are set from data as they are: what goes there is relative to nothing.
     copied_at: HashSet<u32>,
     /// Whether a name that is being followed is set from another one and shifted against it.
@@ -343,6 +343,11 @@ impl Names {
 
     /// Tells what else the program does with the numbers of targets to which motions go, or with data that are set from these.
     fn tell_other_uses(&self, scan: &mut Scan) {
+        for (spot, at) in &self.meant_otherwise {
+            if self.in_use.get(*spot as usize) == Some(&true) {
+                scan.also_used(*spot, OtherUse::NoPlace(*at));
+            }
+        }
         for (name, other) in &self.other_uses {
             let all = reached([*name], |name| self.set_from_names(name));
             let groups = all.into_iter().flat_map(|name| self.all(name)).filter_map(|k| self.groups.get(k as usize));

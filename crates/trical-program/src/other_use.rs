@@ -10,8 +10,8 @@ const STEEP: f64 = 80.0_f64.to_radians();
 /// What else a program does with the numbers of a target, and where (an offset). Of several, the least one counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum OtherUse {
-    /// They say how far a motion goes.
-    Increment(u32),
+    /// They say how far a motion goes, or are a frame.
+    NoPlace(u32),
     /// One of its angles is read or set by itself.
     OneAngle(u32),
 }
@@ -22,8 +22,8 @@ impl OtherUse {
     pub fn forbids(self, meant: &Meant, angles: [&str; 3]) -> Option<String> {
         let [z, y, x] = angles;
         match (self, meant) {
-            (Self::Increment(at), _) => Some(format!(
-                "is used in two ways: motions go to it, and it says how far a motion goes{AT}{at}, which a correction would change"
+            (Self::NoPlace(at), _) => Some(format!(
+                "is used in two ways: motions go to it, and it is an increment, an offset or a frame{AT}{at}, which a correction would change"
             )),
             (Self::OneAngle(at), Meant::Pose(pose)) if pose.rotation[(2, 0)].abs() > libm::sin(STEEP) => Some(format!(
                 "its angles {z} and {x} change together near {y} = 90 deg, much more than the tool turns, and one of its angles is read or set by \

@@ -13,13 +13,14 @@ mod statements;
 use std::ops::Range;
 
 use crate::names::{Names, Origin, Way};
+use crate::other_use::OtherUse;
 use crate::reaching::Part;
 use crate::scan::{Fork, OWN_SETUP, Scan, Setup, Visit, changed_here, hashed};
 use crate::text::Cursor;
 use positions::position;
 use statements::{
-    ACTIVE, BY_FORCE, DISPLACES, action, activated, assigned, continued, has, is_macro, is_remark, loop_activates,
-    moves, of_first_group, places, sets_frame, statement, unread, without_names, without_remark,
+    ACTIVE, BY_FORCE, DISPLACES, action, activated, assigned, continued, has, is_macro, is_one_angle, is_remark,
+    loop_activates, moves, of_first_group, places, sets_frame, statement, unread, without_names, without_remark,
 };
 
 /// Where the mark goes: a remark at the beginning of `/MN`. \[I\] A loader counts the lines itself.
@@ -46,6 +47,7 @@ fn section(bytes: &[u8], name: &[u8]) -> Option<usize> {
 pub fn scan(bytes: &[u8]) -> Scan {
     let mut scan = Scan::default();
     scan.frames.predefine("0", "0");
+    scan.angles = ["R", "P", "W"];
     let Some(positions) = section(bytes, b"/POS") else { return scan };
     if let Some(at) = tracks_line(bytes, positions) {
         let what = "the positions of this program move along with a conveyor (LINE_TRACK), which is not supported";
@@ -156,6 +158,9 @@ fn motions(
             }
         }
         let all = places(&upper);
+        for (at, is_register, digits) in all.iter().filter(|(at, ..)| is_one_angle(&upper[*at..])) {
+            names.also_used(named(*is_register, digits), OtherUse::OneAngle((offset + at) as u32));
+        }
         for (_, _, digits) in all.iter().filter(|(_, is_register, _)| !is_register) {
             match digits.is_empty() {
                 // `P[R[1]]` may be any

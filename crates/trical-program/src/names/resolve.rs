@@ -196,17 +196,6 @@ impl Names {
         let no_targets = reached(self.no_targets.iter().copied(), |name| self.set_from_names(name));
         let unused = no_targets.iter().filter(|name| groups(name).all(|g| g.used.is_none()));
         let mut gone: HashSet<u32> = unused.flat_map(groups).flat_map(|g| g.first..g.first + g.count).collect();
-        let in_use = |(spot, _): &(&u32, &u32)| self.in_use.get(**spot as usize) == Some(&true);
-        let mut both: Vec<(u32, u32)> =
-            self.meant_otherwise.iter().filter(in_use).map(|(spot, at)| (*spot, *at)).collect();
-        both.sort_unstable();
-        for (spot, at) in both {
-            let Some(s) = scan.spots.get(spot as usize) else { continue };
-            let target = scan.at(s);
-            scan.problem(target, "is used as an offset or a frame, too, for which a corrected place would be wrong");
-            scan.problem(at as usize, "uses a place to which the arm moves as an offset or a frame: it stays as it is");
-            gone.insert(spot);
-        }
         let idle = self.idle(scan, bytes);
         for (all, to) in [(idle.unused, &mut scan.unused), (idle.read, &mut scan.only_read)] {
             to.extend(all.into_iter().filter(|(spot, _)| spot.is_none_or(|spot| gone.insert(spot))).map(|(_, at)| at));

@@ -124,7 +124,7 @@ fn what_says_how_far_a_motion_goes_is_listed_only_if_another_goes_there() {
     for (end, line) in [("LIN_REL P\n", 4), ("LIN P:P\n", 4)] {
         let found = of_krl(&text(end));
         assert!(found.len() == 1 && found[0].contains("line 2 (P): is used in two ways"), "{found:?}");
-        assert!(found[0].contains(&format!("goes in line {line}, ")), "{found:?}");
+        assert!(found[0].contains(&format!("a frame in line {line}, ")), "{found:?}");
     }
     let apart = "DECL POS D={X 0,Y 0,Z 10,A 0,B 0,C 0}\nLIN_REL D\nLIN P:D\n";
     assert!(of_krl(&text(apart)).is_empty());

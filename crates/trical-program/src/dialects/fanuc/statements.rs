@@ -114,6 +114,13 @@ pub fn places(upper: &[u8]) -> Vec<(usize, bool, &[u8])> {
     found
 }
 
+/// Whether a place, `PR[3,5]`, is one of its angles.
+pub fn is_one_angle(place: &[u8]) -> bool {
+    let open = place.iter().position(|b| *b == b'[').map_or(place.len(), |open| open + 1);
+    let mut behind = place[open..].iter().filter(|b| **b != b' ').skip_while(|b| b.is_ascii_digit());
+    behind.next() == Some(&b',') && matches!(behind.next(), Some(b'4'..=b'6')) && behind.next() == Some(&b']')
+}
+
 /// Where `=` stands behind the bracket that the line begins with, `PR[R[1],3]=`; a motion's `DO[1]=ON` stands farther.
 pub fn assigned(upper: &[u8]) -> Option<usize> {
     let mut depth = 0_usize;

@@ -104,7 +104,7 @@ pub(super) fn targets(bytes: &[u8], routines: &Routines, elsewhere: &dyn Elsewhe
             let places: Vec<u64> = operands(&mut c).iter().map(|place| scopes.key(hashed(place), start)).collect();
             match places[..] {
                 _ if is_increment => {
-                    other_uses.extend(places.iter().map(|name| (*name, OtherUse::Increment(from as u32))))
+                    other_uses.extend(places.iter().map(|name| (*name, OtherUse::NoPlace(from as u32))))
                 }
                 [place] => drop(moved_to.insert(place)),
                 _ => drop(products.entry(places).or_insert(from)),
@@ -123,7 +123,7 @@ pub(super) fn targets(bytes: &[u8], routines: &Routines, elsewhere: &dyn Elsewhe
         // the others say how far from the place
         if let [place, shifts @ ..] = behind {
             gone_to.push(*place);
-            other_uses.extend(shifts.iter().map(|name| (*name, OtherUse::Increment(at as u32))));
+            other_uses.extend(shifts.iter().map(|name| (*name, OtherUse::NoPlace(at as u32))));
             no_targets.extend(shifts);
         }
     }

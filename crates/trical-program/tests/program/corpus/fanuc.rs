@@ -32,13 +32,17 @@ pub(super) const FANUC: &[Case] = &[
         "/PROG A\n/MN\n  1:  UFRAME_NUM=0 ;\n  2:  UTOOL_NUM=0 ;\n  3:L P[1] 100mm/sec FINE ;\n  4:L P[2] 100mm/sec FINE INC ;\n  5:L P[2] 100mm/sec FINE ;\n  6:  PR[5]=P[3] ;\n  7:L P[1] 100mm/sec FINE Offset,PR[5] ;\n  8:L PR[5] 100mm/sec FINE ;\n  9:  PR[6]=P[4] ;\n  10:  UFRAME[2]=PR[6] ;\n  11:  PR[7]=P[5] ;\n  12:L PR[7] 100mm/sec FINE ;\n  13:  PR[7]=PR[7]-PR[7] ;\n  14:  PR[7,3]=50 ;\n  15:L P[1] 100mm/sec FINE Offset,PR[7] ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@1\n};\nP[3]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@2\n};\nP[4]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[5]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@1\n};\n/END\n",
         &[22, 42],
         &[
-            (6, "uses a place"),
-            (9, "uses a place"),
             (12, "frame is changed"),
             (16, "calculated"),
-            (27, "too"),
-            (32, "too"),
+            (27, "an offset or a frame in line"),
+            (32, "an offset or a frame in line"),
         ],
+    ),
+    case(
+        "one angle of places, of which one is steep",
+        "/PROG A\n/MN\n   1:L P[1] 100mm/sec FINE ;\n   2:  PR[1]=P[1] ;\n   3:  PR[1, 5]=PR[1,5]-15 ;\n   4:L PR[1] 100mm/sec FINE ;\n   5:L P[2] 100mm/sec FINE ;\n   6:  PR[2]=P[2] ;\n   7:  PR[2,5]=PR[2,5]-15 ;\n   8:L PR[2] 100mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\t@0\n};\nP[2]{\n GP1:\n\tUF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',\n\tX = 350 mm, Y = 0 mm, Z = 60 mm, W = 0 deg, P = -88 deg, R = 180 deg\n};\n/END\n",
+        &[15],
+        &[(20, "R and W change together")],
     ),
     case(
         "joint values in any frame",

@@ -255,6 +255,8 @@ pub struct Scan {
     pub problems: Vec<(usize, String)>,
     /// Where places are calculated to which the arm moves, which is among the problems.
     pub calculated_places: Vec<usize>,
+    /// Where places are given to functions that nobody has read, which is among the problems.
+    pub given_away: Vec<usize>,
     /// Motions to a home that belongs to all programs: offset and name.
     pub homes: Vec<(usize, String)>,
     /// Targets that stay as they are because nothing uses their numbers: offset and name.

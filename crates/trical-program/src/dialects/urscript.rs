@@ -100,7 +100,7 @@ pub fn scan(bytes: &[u8]) -> Scan {
         scan.problem(at, format!("goes where '{name}' says, a function that is not in the script"));
     }
     for (_, at) in given.into_iter().filter(|(name, _)| !functions.contains(name)) {
-        scan.calculated_places.push(at);
+        scan.given_away.push(at);
         scan.problem(at, "gives a place to a function that is not in the script: where the arm goes is not corrected");
     }
     in_one.into_iter().for_each(|name| names.no_target(name));

@@ -197,6 +197,7 @@ impl Names {
         let unused = no_targets.iter().filter(|name| groups(name).all(|g| g.used.is_none()));
         let mut gone: HashSet<u32> = unused.flat_map(groups).flat_map(|g| g.first..g.first + g.count).collect();
         let idle = self.idle(scan, bytes);
+        gone.extend(idle.given.into_iter().filter_map(|(spot, _)| spot));
         for (all, to) in [(idle.unused, &mut scan.unused), (idle.read, &mut scan.only_read)] {
             to.extend(all.into_iter().filter(|(spot, _)| spot.is_none_or(|spot| gone.insert(spot))).map(|(_, at)| at));
         }

@@ -16,6 +16,8 @@ pub(super) struct Idle {
     pub unused: Vec<Target>,
     /// Other statements use them: zones, frames, distances, conditions.
     pub read: Vec<Target>,
+    /// Functions that nobody has read are given them, which is listed where it stands.
+    pub given: Vec<Target>,
 }
 
 impl Names {
@@ -39,14 +41,18 @@ impl Names {
         let text = |(_, (_, name)): &Target| hashed(name.text(bytes));
         let in_text: HashSet<u64> = idle.iter().map(|(_, target)| text(target)).collect();
         let read = match self.comment {
-            Some(comment) if !idle.is_empty() => names_read(bytes, comment, &in_text, &lines_listed(scan, bytes)),
+            Some(comment) if !idle.is_empty() => {
+                let [calculated, given] = [&scan.calculated_places, &scan.given_away].map(|all| lines_of(bytes, all));
+                names_read(bytes, comment, &in_text, &calculated, &given)
+            }
             _ => HashMap::new(),
         };
         let mut found = Idle::default();
         for (name, target) in idle {
             let read = read.get(&text(&target));
-            match read.filter(|read| **read == Read::Listed || !self.gone_to.contains(&name)) {
-                Some(Read::PassedOn | Read::Listed) => {}
+            match read.filter(|read| **read == Read::Given || !self.gone_to.contains(&name)) {
+                Some(Read::Given) => found.given.push(target),
+                Some(Read::PassedOn) => {}
                 Some(Read::Only) => found.read.push(target),
                 None if self.read.contains(&name) && !self.gone_to.contains(&name) => {}
                 // where no motion is known, placeholders are told all the same: nothing else says that they stay
@@ -62,15 +68,15 @@ impl Names {
 enum Read {
     /// In what moves nothing.
     Only,
-    /// Other data are set from it: the arm may go there by another name.
+    /// Other data are set from it, or a place that is listed is calculated from it: the arm may go there by another name.
     PassedOn,
-    /// A line that is listed has it: a place is calculated from it, or it is given to what nobody has read.
-    Listed,
+    /// A function that nobody has read is given it.
+    Given,
 }
 
-/// Where the lines begin that calculate a place to which the arm moves.
-fn lines_listed(scan: &Scan, bytes: &[u8]) -> HashSet<usize> {
-    scan.calculated_places.iter().map(|at| line_of(bytes, *at)).collect()
+/// Where the lines begin in which these stand.
+fn lines_of(bytes: &[u8], all: &[usize]) -> HashSet<usize> {
+    all.iter().map(|at| line_of(bytes, *at)).collect()
 }
 
 /// Where the line of an offset begins, or a long way before it in a line without an end.
@@ -87,8 +93,14 @@ const FARTHEST: usize = 4000;
 const KINDS: [&[u8]; 7] = [b"robtarget", b"jointtarget", b"e6pos", b"pos", b"frame", b"e6axis", b"axis"];
 
 /// Which of these names (hashed without regard to case) stand in a text otherwise than where they are declared, or something is assigned to
-/// them; in the lines that are `listed` they are passed on.
-fn names_read(bytes: &[u8], comment: u8, names: &HashSet<u64>, listed: &HashSet<usize>) -> HashMap<u64, Read> {
+/// them; in the lines that are `calculated` they are passed on, and in others they are `given` away.
+fn names_read(
+    bytes: &[u8],
+    comment: u8,
+    names: &HashSet<u64>,
+    calculated: &HashSet<usize>,
+    given: &HashSet<usize>,
+) -> HashMap<u64, Read> {
     let mut c = Cursor::new(bytes, comment);
     let mut read = HashMap::new();
     let mut before: &[u8] = b"";
@@ -114,11 +126,12 @@ fn names_read(bytes: &[u8], comment: u8, names: &HashSet<u64>, listed: &HashSet<
             is_one_of(word_before, &[b"return"])
                 || bytes.get(..from).is_some_and(|b| b.trim_ascii_end().ends_with(b"="))
         };
-        if !listed.is_empty() && listed.contains(&line_of(bytes, from)) {
-            read.insert(name, Read::Listed);
+        let stands_in = |lines: &HashSet<usize>| !lines.is_empty() && lines.contains(&line_of(bytes, from));
+        if stands_in(given) {
+            read.insert(name, Read::Given);
             continue;
         }
-        if is_last && is_copied() {
+        if is_last && is_copied() || stands_in(calculated) {
             read.entry(name).and_modify(|r| *r = (*r).max(Read::PassedOn)).or_insert(Read::PassedOn);
             continue;
         }

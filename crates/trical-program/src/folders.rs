@@ -3,7 +3,7 @@
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-use crate::report::listed;
+use crate::text::listed;
 
 /// Larger files are not looked through, bytes.
 const LARGEST: u64 = 16 << 20;

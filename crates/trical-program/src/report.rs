@@ -15,7 +15,7 @@ use crate::folders::name_of;
 use crate::frames::AT;
 use crate::options::{Options, Spelling};
 use crate::scan::{Scan, Setup, Spot, Visit};
-use crate::text::Span;
+use crate::text::{Span, listed};
 
 /// A target that stays as it is.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,13 +69,6 @@ pub fn summarized(problems: &[Problem], spelling: Spelling) -> String {
 /// Reasons, and targets of each, that [`summarized`] shows.
 const REASONS: usize = 8;
 const PLACES: usize = 5;
-
-/// The first few of a list.
-pub(crate) fn listed(all: impl ExactSizeIterator<Item = String>) -> String {
-    let more = all.len().saturating_sub(REASONS);
-    let first = all.take(REASONS).collect::<Vec<_>>().join(", ");
-    if more == 0 { first } else { format!("{first} and {more} more") }
-}
 
 impl Problem {
     fn place(&self) -> String {

@@ -3,6 +3,16 @@
 //! Nothing here decodes text: keywords and numbers are ASCII in every dialect, and whatever else the file holds (Latin-1
 //! comments, mixed line ends) is copied as it stands.
 
+/// Of a list that a sentence tells, so many are named.
+const LISTED: usize = 8;
+
+/// The first few of a list.
+pub(crate) fn listed(all: impl ExactSizeIterator<Item = String>) -> String {
+    let more = all.len().saturating_sub(LISTED);
+    let first = all.take(LISTED).collect::<Vec<_>>().join(", ");
+    if more == 0 { first } else { format!("{first} and {more} more") }
+}
+
 /// Where a number stands in the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Span {

@@ -7,6 +7,7 @@
 
 mod arguments;
 mod data;
+mod named;
 mod outside;
 mod setup;
 mod targets;
@@ -26,7 +27,7 @@ use crate::scan::{Fork, Scan, Setup, Visit, changed_here, hashed};
 use crate::text::{Cursor, Span, begins_line, is_among, is_one_of, lower, mentions};
 use arguments::Routines;
 use data::Aggregate;
-use targets::Named;
+use named::Named;
 
 /// The places of a cell's home, which belong to all programs.
 const HOMES: [&[u8]; 8] = [b"HOME", b"XHOME", b"XHOME1", b"XHOME2", b"XHOME3", b"XHOME4", b"XHOME5", b"$H_POS"];

@@ -8,6 +8,7 @@ mod called;
 mod data;
 mod frames;
 mod given;
+mod instructions;
 mod motions;
 mod parts;
 mod reader;

@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::targets::{Named, declarations, skip_index};
+use super::named::{Named, declarations, skip_index};
 use super::{ARM_BASE, BUILT_IN, CURRENT, ELEMENTS, HERE, Reader, THE_ARM_BASE, TYPES, before_bracket};
 use crate::flow::taken_with;
 use crate::names::{Names, Origin};

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use trical_model::Pose;
 use trical_model::pose::rotation_zyx;
 
-use super::targets::declarations;
+use super::named::declarations;
 use super::{AXES, POSE, Reader};
 use crate::branch::Configuration;
 use crate::frames::Frame;

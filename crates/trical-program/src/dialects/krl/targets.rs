@@ -3,29 +3,13 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use super::arguments::{Routines, may_move};
+use super::named::{Named, declarations, skip_index};
 use super::{CURRENT, ELEMENTS, LOOP_ENDS, LOOPS, MOTIONS, RELATIVE, TYPES, is_system};
 use crate::elsewhere::Elsewhere;
 use crate::other_use::OtherUse;
 use crate::scan::{hashed, reached};
 use crate::scopes::Scopes;
 use crate::text::{Cursor, begins_line, is_one_of, lower};
-
-/// What names of a program stand for.
-#[derive(Default)]
-pub(super) struct Named {
-    /// Motions go there; a FRAME that none goes to is no target.
-    pub moved_to: HashSet<u64>,
-    /// Of these, those to which only routines may go that are in none of the files read.
-    pub given_away: HashSet<u64>,
-    /// Tools and bases are set from these, or they stand before the place in `LIN PALLET:XP1`.
-    pub frames: HashSet<u64>,
-    /// Motion data of which the program changes tool or base.
-    pub changed_data: HashSet<u64>,
-    /// No targets, unless a motion is found that goes there.
-    pub no_targets: HashSet<u64>,
-    /// What the program does with data whether motions go there or not.
-    pub other_uses: Vec<(u64, OtherUse)>,
-}
 
 /// What the names of a program stand for.
 pub(super) fn targets(bytes: &[u8], routines: &Routines, elsewhere: &dyn Elsewhere) -> Named {
@@ -203,15 +187,6 @@ fn read_in_part(bytes: &[u8], scopes: &Scopes) -> HashSet<u64> {
     found
 }
 
-/// Past blanks, and past `[...]`.
-pub(super) fn skip_index(c: &mut Cursor<'_>) {
-    c.skip_blank();
-    if c.peek() == b'[' {
-        c.skip_past(b']', b"\n\r");
-        c.skip_blank();
-    }
-}
-
 /// The names that stand as arguments in a call whose bracket follows; empty names where others stand.
 fn arguments(mut c: Cursor<'_>, scopes: &Scopes) -> Vec<u64> {
     let mut found = Vec::new();
@@ -256,25 +231,6 @@ fn operands<'a>(c: &mut Cursor<'a>) -> Vec<&'a [u8]> {
         }
         skip_index(c);
         if !c.eat_in_line(b':') {
-            return found;
-        }
-    }
-}
-
-/// `A,B[4]`, behind `DECL FRAME`.
-pub(super) fn declarations(c: &mut Cursor<'_>) -> Vec<u64> {
-    let mut found = Vec::new();
-    loop {
-        c.skip_blank();
-        let name = c.word();
-        if c.peek() == b'[' {
-            c.skip_past(b']', b"\n\r");
-        }
-        if name.is_empty() {
-            return found;
-        }
-        found.push(hashed(name));
-        if !c.eat_in_line(b',') {
             return found;
         }
     }

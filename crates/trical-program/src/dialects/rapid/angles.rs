@@ -2,8 +2,6 @@
 
 use std::collections::VecDeque;
 
-use super::reader::Reader;
-use crate::other_use::OtherUse;
 use crate::text::Cursor;
 
 /// Where a text asks for one angle of data, and the name of these.
@@ -17,13 +15,4 @@ pub(super) fn single_angles(bytes: &[u8]) -> VecDeque<(usize, &[u8])> {
         }
     }
     found
-}
-
-impl Reader<'_> {
-    /// Notes the single angles that stand before the cursor.
-    pub(super) fn note_angles(&mut self) {
-        while let Some((at, name)) = self.single_angles.pop_front_if(|(at, _)| *at < self.c.at) {
-            self.names.also_used(self.key(name), OtherUse::OneAngle(at as u32));
-        }
-    }
 }

@@ -8,6 +8,7 @@ use crate::branch::Configuration;
 use crate::frames::declare;
 use crate::literal::Shape;
 use crate::names::Origin;
+use crate::other_use::OtherUse;
 use crate::packed::External;
 use crate::reaching::Part;
 use crate::scan::hashed;
@@ -297,5 +298,35 @@ impl Reader<'_> {
         let frame = read(&truth, &values, &name);
         let twice = format!("'{name}' is declared more than once, with different numbers");
         declare(self.scan.frames.of_mut(is_tool), name, frame, &twice);
+    }
+}
+
+impl Reader<'_> {
+    /// Past the components behind the name of a record's data, if the last may be a target.
+    pub(super) fn component(&mut self, name: u64) -> bool {
+        let start = self.c;
+        let mut kind = self.record_data.get(&name).copied();
+        while self.c.eat(b'.') {
+            let part = hashed(self.c.name_ahead());
+            kind = match kind {
+                Some(Kind::Record(name)) => match self.records.0.get(&name) {
+                    Some(parts) => parts.get(&part).copied(),
+                    None => Some(Kind::Target),
+                },
+                _ => None,
+            };
+        }
+        let is_target = kind.is_some_and(|kind| self.records.hold_targets(kind));
+        if !is_target {
+            self.c = start;
+        }
+        is_target
+    }
+
+    /// Notes the single angles that stand before the cursor.
+    pub(super) fn note_angles(&mut self) {
+        while let Some((at, name)) = self.single_angles.pop_front_if(|(at, _)| *at < self.c.at) {
+            self.names.also_used(self.key(name), OtherUse::OneAngle(at as u32));
+        }
     }
 }

@@ -217,9 +217,6 @@ fn has_modules(bytes: &[u8]) -> bool {
     words.filter(|(_, word)| word.eq_ignore_ascii_case(b"endmodule")).nth(1).is_some()
 }
 
-/// Kinds of data that are targets.
-pub(super) const TARGETS: [&[u8]; 2] = [b"robtarget", b"jointtarget"];
-
 /// Bytes before a routine's bracket or a statement that are looked at.
 pub(super) const FARTHEST: usize = 300;
 

@@ -3,10 +3,12 @@
 use std::collections::HashMap;
 
 use super::NO_TARGETS;
-use super::reader::{Reader, TARGETS};
-use super::routines::is_instruction;
+use super::instructions::is_instruction;
 use crate::scan::hashed;
 use crate::text::{Cursor, is_one_of};
+
+/// Kinds of data that are targets.
+const TARGETS: [&[u8]; 2] = [b"robtarget", b"jointtarget"];
 
 /// A kind of data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,7 +37,7 @@ const DEEPEST: usize = 8;
 
 /// The records of a module: by their hashed names, the kinds of their components.
 #[derive(Debug, Default)]
-pub(super) struct Records(HashMap<u64, HashMap<u64, Kind>>);
+pub(super) struct Records(pub(super) HashMap<u64, HashMap<u64, Kind>>);
 
 impl Records {
     pub(super) fn of(bytes: &[u8]) -> Self {
@@ -72,28 +74,5 @@ impl Records {
     /// Whether this is a record of the module that holds targets.
     pub(super) fn are_targets(&self, kind: Kind) -> bool {
         matches!(kind, Kind::Record(name) if self.0.contains_key(&name)) && self.hold_targets(kind)
-    }
-}
-
-impl Reader<'_> {
-    /// Past the components behind the name of a record's data, if the last may be a target.
-    pub(super) fn component(&mut self, name: u64) -> bool {
-        let start = self.c;
-        let mut kind = self.record_data.get(&name).copied();
-        while self.c.eat(b'.') {
-            let part = hashed(self.c.name_ahead());
-            kind = match kind {
-                Some(Kind::Record(name)) => match self.records.0.get(&name) {
-                    Some(parts) => parts.get(&part).copied(),
-                    None => Some(Kind::Target),
-                },
-                _ => None,
-            };
-        }
-        let is_target = kind.is_some_and(|kind| self.records.hold_targets(kind));
-        if !is_target {
-            self.c = start;
-        }
-        is_target
     }
 }

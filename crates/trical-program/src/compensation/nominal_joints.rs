@@ -86,6 +86,7 @@ fn unknown_sense() -> MotionSense {
 
 impl Walk<'_> {
     fn go_near(&mut self, Near { spot, shift, at }: Near) {
+        self.is_told_near = false;
         let (all, last) = (self.all, &self.last);
         let target = all.scan.spots.get(spot as usize);
         let demanded = self.demanded(spot);
@@ -144,6 +145,7 @@ impl Walk<'_> {
     fn go_to(&mut self, index: u32, spot: &Spot) -> Option<Result<Start, String>> {
         let known = self.again.get(&index).copied().flatten();
         let by_way = self.is_decided_by_way(index, spot);
+        let is_told = std::mem::take(&mut self.is_told_near);
         let from = if known.is_some() { self.here() } else { self.others.clone() };
         let (q, demanded) = match known {
             Some(Ok(q)) => (Ok(q), self.demanded(index)),
@@ -156,7 +158,6 @@ impl Walk<'_> {
             self.is_known |= spot.shape.is_joints() || demanded != Configuration::Free;
             let others = if by_way { self.come_otherwise(index, q, &from) } else { Vec::new() };
             self.others = self.elsewhere(&others);
-            let is_told = std::mem::take(&mut self.is_told_near);
             self.moved_first((by_way && !is_told).then_some((index, *q)));
         }
         if let Some(again) = self.again.get_mut(&index) {

@@ -125,6 +125,12 @@ fn computes(word: &[u8]) -> bool {
         || ASKS.iter().any(|begin| word.starts_with(begin))
 }
 
+/// Whether what is assigned is a list or a structure of places.
+fn holds_places(text: &[u8]) -> bool {
+    let holds_pose = || text.windows(3).any(|w| !w[0].is_ascii_alphanumeric() && w[0] != b'_' && w.ends_with(b"p["));
+    text.starts_with(b"[[") || (text.starts_with(b"[") || text.starts_with(b"struct(")) && holds_pose()
+}
+
 /// Whether a circle: by way of its first place.
 fn has_two(motion: &[u8]) -> bool {
     motion == b"movec"
@@ -420,12 +426,10 @@ impl<'a> Reader<'a> {
             return;
         }
         self.c.skip_blank();
-        let text = self.c.until(b"\n");
         let literal = self.literal();
-        let holds_pose = text.windows(3).any(|w| !w[0].is_ascii_alphanumeric() && w[0] != b'_' && w.ends_with(b"p["));
-        if !matches!(literal, Literal::None) || text.starts_with(b"pose_") {
+        if !matches!(literal, Literal::None) || self.c.until(b"\n").starts_with(b"pose_") {
             self.places.insert(hash);
-        } else if text.starts_with(b"[[") || holds_pose && (text.starts_with(b"[") || text.starts_with(b"struct(")) {
+        } else if holds_places(self.c.until(b"\n")) {
             self.several.insert(hash);
         }
         match literal {

@@ -356,12 +356,16 @@ pub fn written(new: f64, old: &[u8], least: usize) -> String {
     }
 }
 
-/// A new number as it stands at `at`: where a sign kept the old one from the name before it ("A4-0.01"), a blank keeps the new one from it.
+/// A new number in the place of an old one: where the old one's sign kept it from the name before it ("A4-0.01"), or its exponent from a
+/// point behind it ("50e0."), a blank does.
 #[must_use]
-pub fn kept_apart(new: String, bytes: &[u8], at: u32) -> String {
-    let before = (at as usize).checked_sub(1).and_then(|k| bytes.get(k)).copied().unwrap_or(b' ');
-    let runs_on = (is_letter(before) || before.is_ascii_digit()) && new.starts_with(|c: char| c.is_ascii_digit());
-    if runs_on { format!(" {new}") } else { new }
+pub fn kept_apart(new: String, bytes: &[u8], old: Span) -> String {
+    let from = old.at as usize;
+    let before = from.checked_sub(1).and_then(|k| bytes.get(k)).copied().unwrap_or(b' ');
+    let runs_on = is_letter(before) || before.is_ascii_digit() || before == b'.';
+    let left = if runs_on && new.starts_with(|c: char| c.is_ascii_digit()) { " " } else { "" };
+    let right = if bytes.get(from + usize::from(old.len)) == Some(&b'.') { " " } else { "" };
+    format!("{left}{new}{right}")
 }
 
 /// A whole number in the form of the old text, with as many digits where that is not decimal.

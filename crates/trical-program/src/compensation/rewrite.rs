@@ -161,7 +161,7 @@ impl Compensator<'_> {
                     .filter_map(|(n, span)| Some((*span, written_whole((*n)?, span.text(self.bytes))))),
             );
         }
-        let edits = edits.into_iter().map(|(span, new)| (span, kept_apart(new, self.bytes, span.at))).collect();
+        let edits = edits.into_iter().map(|(span, new)| (span, kept_apart(new, self.bytes, span))).collect();
         (self.in_place(spot, edits), read_back)
     }
 

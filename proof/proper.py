@@ -17,7 +17,7 @@ import numpy as np
 
 from effects import FAMILY_OF
 from plant import DEG, MM
-from score import Case, Tables, same, share
+from score import Case, Tables, is_part, same, share
 
 FLOOR = 1e-3  # the least probability that a log score is asked of
 STEP_POSES = 20  # moments of a step that are as good as one
@@ -195,16 +195,23 @@ def told(case: Case, said: dict[str, list[dict]] | None = None) -> list[dict]:
         if exact:
             left.remove(exact)
         fresh = changed(f, before)
-        here = [e for e in case.effects if place(e["site"]) == place(f["site"])] if fresh else []
+        # one name that says what several effects do: nobody could tell it from them
+        parts = [e for e in left if is_part(e, f)] if fresh else []
+        if len(parts) + (exact is not None) + (before is not None) < 2:
+            parts = []
+        for e in parts:
+            left.remove(e)
+        says = parts + ([exact] if exact else [])
+        here = [e for e in case.effects if e in says or place(e["site"]) == place(f["site"])] if fresh else []
         kin = [e for e in here if family(e) == family(f)]
         evidence = {k: v for k, v in f.get("evidence", {}).items() if isinstance(v, (int, float))}
         # what another part of the recording says too may well be so
         known = any(same(b, f) for b in arms)
         known_here = [b for b in arms if place(b["site"]) == place(f["site"])]
         known_kin = any(family(b) == family(f) for b in known_here)
-        role = "target" if exact or here else "background" if known else "false"
+        role = "target" if says or here else "background" if known else "false"
 
-        open_question = known and exact is None
+        open_question = known and not says
         replicated = f.get("replicated")
         out.append(
             {
@@ -229,17 +236,29 @@ def told(case: Case, said: dict[str, list[dict]] | None = None) -> list[dict]:
                 **evidence,
                 "session": session_of(f),
                 "role": role,
-                "true_lambda": (exact or (kin or here or [{}])[0]).get("lambda"),
-                "size_3sd": size[0] if size and exact else None,
-                "size_20": size[1] if size and exact else None,
-                "right": judged(exact is not None, open_question),
+                "true_lambda": (says[-1:] or kin or here or [{}])[0].get("lambda"),
+                "size_3sd": size[0] if size and says == [exact] else None,
+                "size_20": size[1] if size and says == [exact] else None,
+                "right": judged(bool(says), open_question),
+                "says": [{"effect": e["effect"], "site": e["site"]} for e in says],
                 "place_right": judged(
-                    bool(exact or here), open_question, bool(known_here) or place(f["site"]) in nameless
+                    bool(says or here), open_question, bool(known_here) or place(f["site"]) in nameless
                 ),
-                "family_right": judged(bool(exact or kin), open_question, known_kin),
+                "family_right": judged(bool(says or kin), open_question, known_kin),
             }
         )
     return out
+
+
+def names(line: dict, effect: dict) -> bool:
+    """Whether a line says a true effect, by itself or together with others."""
+    return any(same(e, effect) for e in line["says"])
+
+
+def lines_at(lines: list[dict], effect: dict) -> list[dict]:
+    """What answers for something true at the place of a true effect."""
+    here = place(effect["site"])
+    return [x for x in lines if x["role"] == "target" and (names(x, effect) or place(x["site"]) == here)]
 
 
 # ---- scores ----------------------------------------------------------------------------------------------------------
@@ -323,8 +342,8 @@ def score_probabilities(lines: list[dict], title: str, t: Tables, limit: float |
 
 def on_truth(case: Case, lines: list[dict], effect: dict) -> tuple[float, float, float]:
     """Probabilities put on a true effect, on its place with its family, and on its place."""
-    at = [x for x in lines if x["role"] == "target" and place(x["site"]) == place(effect["site"])]
-    exact = [x["confidence"] for x in at if same(x, effect) and x["right"]]
+    at = lines_at(lines, effect)
+    exact = [x["confidence"] for x in at if names(x, effect)]
     kin = [x["family_confidence"] for x in at if x["family"] == FAMILY_OF.get(effect["effect"])]
     return tuple(max(x, default=0.0) for x in (exact, kin, [x["place_confidence"] for x in at]))
 
@@ -356,8 +375,8 @@ def score_added(
     for name, xs in sorted(groups.items()):
         hits, sizes, p, at_left = np.zeros(3, int), [], [], 0
         for c, e in xs:
-            mine = [x for x in lines[c.id] if x["role"] == "target" and place(x["site"]) == place(e["site"])]
-            exact = [x for x in mine if x["right"] and same(x, e)]
+            mine = lines_at(lines[c.id], e)
+            exact = [x for x in mine if names(x, e)]
             kin = [x for x in mine if x["family"] == FAMILY_OF.get(e["effect"])]
             hits += [bool(exact), bool(exact or kin), bool(mine)]
             sizes += [(x["size_3sd"], x["size_20"]) for x in exact[:1] if x["size_3sd"] is not None]
@@ -372,7 +391,7 @@ def score_added(
             loud = [(c, e) for c, e in xs if e.get(key, 0.0) >= 10]
             if name != "all" or not aim or not loud:
                 continue
-            right = [any(x["right"] and same(x, e) for x in lines[c.id]) for c, e in loud]
+            right = [any(names(x, e) for x in lines[c.id]) for c, e in loud]
             kin = [on_truth(c, lines[c.id], e)[1] > 0 or r for (c, e), r in zip(loud, right, strict=True)]
             for claim, so, least in (("effect", right, 0.95), ("family", kin, 0.98)):
                 title_of = f"{title}, lambda >= 10{what}: {claim} and place"
@@ -396,7 +415,7 @@ def score_knowing(cases: list[Case], title: str, t: Tables):
 def score_many(cases: list[Case], lines: dict[str, list[dict]], t: Tables):
     """Recall and precision where each effect is seen well beside the others."""
     loud = [(c, e) for c in cases for e in c.effects if e["lambda_apart"] >= 10]
-    right = sum(any(x["right"] and same(x, e) for x in lines[c.id]) for c, e in loud)
+    right = sum(any(names(x, e) for x in lines[c.id]) for c, e in loud)
     told_loud = [x for c in cases for x in lines[c.id] if x["lambda"] >= 10]
     t.target("Six to twelve effects, lambda >= 10: recall", ">= 97 %", right, len(loud), at_least=0.97)
     precise = sum(x["right"] for x in told_loud)

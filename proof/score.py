@@ -46,10 +46,24 @@ DECLARED = [
 ]
 
 
+# What has every shape that another effect has at its place: several of these together are it, in other words.
+WHOLE = {
+    "indicator_drift": "tool_drift",  # along three axes of the device
+    "joint_harmonic": "encoder_error",
+    "lost_motion_direction": "load_friction",
+}
+
+
 def same(a: dict, b: dict) -> bool:
     """Effect and site; whose session it was is another question."""
     sites = [{k: v for k, v in x["site"].items() if k != "session"} for x in (a, b)]
     return a["effect"] == b["effect"] and sites[0] == sites[1]
+
+
+def is_part(effect: dict, whole: dict) -> bool:
+    """Whether `whole` has every shape that `effect` has, at its place."""
+    here = "tool" in whole["site"] or whole["site"] == effect["site"]
+    return here and WHOLE.get(effect["effect"]) == whole["effect"]
 
 
 def declared(a: dict, b: dict) -> bool:

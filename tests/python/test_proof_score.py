@@ -183,6 +183,40 @@ def test_what_was_said_before_of_another_wave_or_moment_is_another_effect(tmp_pa
     assert line(effect, shift, slipped(41, 0.03))["role"] == "background"
 
 
+def test_one_name_for_what_several_effects_do_together_answers_for_all_of_them(tmp_path: Path) -> None:
+    tool = {"effect": "tool_drift", "site": {"tool": True}}
+    drifts = [{"effect": "indicator_drift", "site": {"axis": k}} for k in "xy"]
+    told_before = found(FRICTION2) | {"coefficients": [{"name": "gap", "value": 0.01, "sd": 1e-4, "unit": "deg"}]}
+    (tmp_path / "without").mkdir()
+    (tmp_path / "without" / "b.json").write_text(json.dumps({"answer": {"findings": [told_before]}}))
+
+    def lines(effects: list[dict], *findings: dict, background: str = "") -> list[dict]:
+        truth = {"kind": "many", "background": background, "measurements": 150}
+        truth["effects"] = [{**e, "lambda": 9.0, "alike": [], "p": {}} for e in effects]
+        answer = {"findings": [{"coefficients": [], **f} for f in findings], "final": {"parameters": 31}}
+        return proper.told(score.Case("c", tmp_path, truth, answer, "", 1.0))
+
+    (both,) = lines([*drifts, TWIST], found(tool))
+    assert (both["right"], both["place_right"]) == (1, 1)
+    assert [proper.names(both, e) for e in (*drifts, TWIST)] == [True, True, False]
+    assert [len(proper.lines_at([both], e)) for e in (*drifts, TWIST)] == [1, 1, 0]
+    (with_whole,) = lines([drifts[0], tool], found(tool))
+    assert proper.names(with_whole, drifts[0]) and proper.names(with_whole, tool)
+    (alone,) = lines([drifts[0]], found(tool))
+    assert alone["right"] == 0 and not proper.names(alone, drifts[0])
+    # its own name is as right, and then nothing is left for the other
+    own, other = lines(drifts, found(drifts[0]), found(tool))
+    assert (own["right"], other["right"]) == (1, 0)
+    (elsewhere,) = lines([GAP2, FRICTION2], found(FRICTION2 | {"site": {"joint": 3}}))
+    assert elsewhere["right"] == 0
+    # of a real arm that has friction already, a gap more
+    more = told_before | {"coefficients": [told_before["coefficients"][0] | {"value": 0.02}]}
+    (friction,) = lines([GAP2], more, background="b")
+    assert friction["right"] == 1
+    (still,) = lines([GAP2], told_before, background="b")
+    assert still["right"] is None
+
+
 def test_probabilities_are_scored_against_what_was_so() -> None:
     p, y = np.repeat([0.2, 0.8], 50), np.tile([0, 0, 0, 0, 1], 20)
     y[50:] = 1 - y[50:]

@@ -54,16 +54,18 @@ impl<'a> Parts<'a> {
         let is_scored = |pose: usize| scored.is_none_or(|part| part_of(pose) % count == part);
         let block_of = |pose: usize| is_scored(pose).then(|| folds.block_of(pose));
         let predictive = partition.predictive(folds.blocks(), &block_of)?;
-        predictive.of_blocks(&partition, &[], None)?;
+        predictive.of_blocks(&partition, &[], &[None]).remove(0)?;
         Some(Self { partition, predictive, scored, blocks: folds.blocks(), temper })
     }
 
-    /// Log score of each block without the candidates `out` and with `add` in their place; the noise is what is left of all of them, so that
-    /// a set that foresees badly does not set its own measure. A fit that fails predicts nothing.
-    pub(crate) fn scores(&self, out: &[usize], add: Option<usize>) -> Vec<f64> {
-        let Some(blocks) = self.predictive.of_blocks(&self.partition, out, add) else {
-            return vec![FAILED; self.blocks];
-        };
+    /// Log score of each block without the candidates `out`, once with each of `adds` in their place; the noise is what is left of all of them,
+    /// so that a set that foresees badly does not set its own measure. A fit that fails predicts nothing.
+    pub(crate) fn scores(&self, out: &[usize], adds: &[Option<usize>]) -> Vec<Vec<f64>> {
+        self.predictive.of_blocks(&self.partition, out, adds).into_iter().map(|blocks| self.scores_of(blocks)).collect()
+    }
+
+    fn scores_of(&self, blocks: Option<Vec<Foreseen>>) -> Vec<f64> {
+        let Some(blocks) = blocks else { return vec![FAILED; self.blocks] };
         let (rows, squares) = blocks.iter().fold((0.0, 0.0), |(n, sum), b| (n + b.rows, sum + b.square));
         let variance: f64 = squares / rows;
         let score =
@@ -88,24 +90,29 @@ pub(crate) fn what_does_not_pay(
     mut groups: Vec<Group>,
     instead: &dyn Fn(&Group) -> Vec<usize>,
 ) -> Vec<usize> {
-    let scores = |out: &[usize], add| -> Vec<Vec<f64>> { proofs.iter().map(|p| p.scores(out, add)).collect() };
+    // once for each of `adds`, of each proof
+    let scores = |out: &[usize], adds: &[Option<usize>]| -> Vec<Vec<Vec<f64>>> {
+        let of_proofs: Vec<Vec<Vec<f64>>> = proofs.iter().map(|p| p.scores(out, adds)).collect();
+        (0..adds.len()).map(|k| of_proofs.iter().map(|of| of[k].clone()).collect()).collect()
+    };
     let mut out: Vec<usize> = Vec::new();
-    let mut now = scores(&out, None);
+    let mut now = scores(&out, &[None]).remove(0);
     let errors = |out: &[usize]| proofs.first().map(|p| p.errors(out, None));
     while !groups.is_empty() {
         let with = errors(&out);
         let pays = |g: &Group| {
             let without = [&out[..], &g.members[..]].concat();
-            let rivals = instead(g).into_iter().map(|c| surely(&now, &scores(&without, Some(c))));
+            let adds: Vec<Option<usize>> = std::iter::once(None).chain(instead(g).into_iter().map(Some)).collect();
+            let gains: Vec<f64> = scores(&without, &adds).iter().map(|other| surely(&now, other)).collect();
             let nameless = candidates[g.members[0]].cause == Cause::Unexplained;
             let price = if nameless { UNNAMED_PRICE_NATS } else { 0.0 };
-            let pays = rivals.fold(surely(&now, &scores(&without, None)) - price, f64::min);
+            let pays = gains[1..].iter().copied().fold(gains[0] - price, f64::min);
             unless_errors_rise(pays, errors(&without), with)
         };
         let worst = groups.iter().map(pays).enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
         let Some((worst, _)) = worst.filter(|(_, least)| *least <= 0.0) else { break };
         out.extend(groups.swap_remove(worst).members);
-        now = scores(&out, None);
+        now = scores(&out, &[None]).remove(0);
     }
     out
 }

@@ -178,12 +178,10 @@ impl<'a> Proving<'a> {
                 _ => Says::Elsewhere,
             }
         };
-        let mut alternatives = vec![Alternative {
-            says: Says::Same,
-            log_prior: group.members.iter().map(|m| self.rounds.log_prior_beside_others(*m)).sum(),
-            scores: parts.scores(&[], None),
-        }];
-        let instead = |c: Option<usize>| parts.scores(&group.members, c);
+        let log_prior = group.members.iter().map(|m| self.rounds.log_prior_beside_others(*m)).sum();
+        let own = Alternative { says: Says::Same, log_prior, scores: parts.scores(&[], &[None]).remove(0) };
+        // what stands in its place, what that says, and how probable it was beforehand
+        let mut instead: Vec<(Option<usize>, Says, f64)> = Vec::new();
         let mut told: Vec<usize> = Vec::new();
         for r in self.search.rank(state) {
             let c = &candidates[r.candidate];
@@ -194,20 +192,22 @@ impl<'a> Proving<'a> {
                 continue;
             }
             told.push(r.candidate);
-            let scores = instead(Some(r.candidate));
             // what contains the finding predicts as well, and pays for its further coefficients as far as the data determine them
             let contains = group.members.iter().all(|m| candidates[*m].is_part_of(c));
             let price = if contains { self.design.gain(self.downdate.full(), r.candidate).occam } else { 0.0 };
-            alternatives.push(Alternative { says: says(c), log_prior: c.log_prior - price, scores });
+            instead.push((Some(r.candidate), says(c), c.log_prior - price));
             if told.len() >= ALTERNATIVES && nameless_here || told.len() > ALTERNATIVES {
                 break;
             }
         }
         if let Some((probe, _)) = first.site.part().and_then(|place| self.test.best_probe(state, place)) {
-            let scores = instead(Some(probe.probe));
-            alternatives.push(Alternative { says: Says::Place, log_prior: -2.0 * UNNAMED_PRICE_NATS, scores });
+            instead.push((Some(probe.probe), Says::Place, -2.0 * UNNAMED_PRICE_NATS));
         }
-        alternatives.push(Alternative { says: Says::Nothing, log_prior: 0.0, scores: instead(None) });
+        instead.push((None, Says::Nothing, 0.0));
+        let adds: Vec<Option<usize>> = instead.iter().map(|(add, ..)| *add).collect();
+        let alternatives = instead.into_iter().zip(parts.scores(&group.members, &adds));
+        let alternatives = alternatives.map(|((_, says, log_prior), scores)| Alternative { says, log_prior, scores });
+        let alternatives: Vec<Alternative> = std::iter::once(own).chain(alternatives).collect();
         let mut shares = shares(&alternatives);
         // a rest at this place that the name leaves, be it that the model has a curve without a name for it over the same variable, speaks for
         // something that is not in the catalogue

@@ -375,7 +375,7 @@ fn unseen_blocks_are_foreseen_with_the_covariance_of_a_fit_without_them_however_
     for (out, add) in sets {
         let left: Vec<usize> = set.iter().copied().filter(|c| !out.contains(c)).chain(add).collect();
         let members: Vec<&Candidate> = left.iter().map(|k| &candidates[*k]).collect();
-        for (block, told) in predictive.of_blocks(&partition, out, add).unwrap().iter().enumerate() {
+        for (block, told) in predictive.of_blocks(&partition, out, &[add])[0].as_ref().unwrap().iter().enumerate() {
             let touches = |wanted: &dyn Fn(usize) -> bool| -> Vec<usize> {
                 (0..data.observations.len()).filter(|k| wanted(data.observations[*k].pose / 10)).collect()
             };

@@ -405,14 +405,6 @@ impl Linear {
     }
 }
 
-/// `X'X`.
-pub(super) fn gram(x: &Mat) -> Mat {
-    let mut all = Mat::zeros(x.ncols(), x.ncols());
-    all.add_square(x.view());
-    all.mirror();
-    all
-}
-
 /// Columns of one motion stand together.
 struct Families {
     /// Family of each place.

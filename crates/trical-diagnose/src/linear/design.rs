@@ -8,7 +8,7 @@ use trical_ident::error::Result;
 use trical_ident::fit::noise::Noise;
 use trical_model::Model;
 
-use super::columns::{Fitted, Linear, gram};
+use super::columns::{Fitted, Linear};
 use crate::candidate::Candidate;
 use crate::correlated_noise::{CorrelatedNoise, Filter};
 
@@ -120,7 +120,7 @@ impl Design {
         let projected = Mat::from_fn(p, width, |i, a| products[(a, i)]);
         let b = products.col(p).to_vec();
 
-        let all = columns.as_ref().map(gram);
+        let all = columns.as_ref().map(|x| x.view().gram());
         let among: Vec<Vec<f64>> = match &all {
             Some(all) => spans.iter().map(|(from, to)| lower(all, *from, *to)).collect(),
             None => linear.products_among(&spans),

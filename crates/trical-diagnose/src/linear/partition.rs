@@ -12,7 +12,7 @@
 use rayon::prelude::*;
 use trical_ident::dense::{Cholesky, Mat, View, solve_lower};
 
-use super::columns::{Linear, gram};
+use super::columns::Linear;
 use super::design::Design;
 
 /// Keeps columns that the data absorb from doing harm: beside a length of one.
@@ -62,13 +62,26 @@ pub struct Predictive {
     measured: Vec<Tested>,
 }
 
-/// The rows of a part as they are predicted, and how their covariance differs from that of the whole set, in whose measure they are, or, if
-/// they are predicted `anew`, from `I`: by `- out out' + added added'`.
-struct Predicted {
+/// The rows of a part as they are predicted, and how their covariance differs from that of the whole set, in whose measure they are: by
+/// `- out out' + added added'`; where nothing was taken out of that set, but another fitted, from `I`.
+struct Predicted<'t> {
     residual: Mat,
-    out: Mat,
+    out: Option<&'t Mat>,
     added: Mat,
-    anew: bool,
+}
+
+/// The fit without a part when some columns are taken out of it.
+struct TakenOut {
+    /// `H^-1[o, o]`.
+    factor: Cholesky,
+    /// `H^-1[:, o]`, and `E[:, o]` of the rows that are predicted.
+    inverse: Mat,
+    hat: Mat,
+    /// The solution, and what is left of the rows.
+    x: Mat,
+    residual: Mat,
+    /// By what their covariance is smaller: `out out'`.
+    out: Mat,
 }
 
 /// What is asked of rows that are predicted: their residuals alone, or with their covariance.
@@ -176,7 +189,7 @@ impl<'a> Partition<'a> {
         };
         let sums = |part: usize| {
             let x = &this.columns[part];
-            Sums { gram: gram(x), push: x.transpose() * &this.residual_of(part) }
+            Sums { gram: x.view().gram(), push: x.transpose() * &this.residual_of(part) }
         };
         this.sums = (0..count).into_par_iter().map(sums).collect();
         for sums in &this.sums {
@@ -222,13 +235,18 @@ impl<'a> Partition<'a> {
     }
 
     /// A part's rows by the fit of some columns alone, with these precisions, to the other parts.
-    fn predicted_by(&self, part: usize, columns: &[usize], precision: &[f64], asked: Asked) -> Option<Predicted> {
+    fn predicted_by<'t>(
+        &self,
+        part: usize,
+        columns: &[usize],
+        precision: &[f64],
+        asked: Asked,
+    ) -> Option<Predicted<'t>> {
         let (h, g) = self.normal(part, columns, precision);
         let factor = Cholesky::of(&h)?;
         let rows = self.rows_of(part, columns);
         let residual = self.residual_of(part) + &(&rows * &factor.solve(&g));
-        let out = Mat::zeros(residual.nrows(), 0);
-        Some(Predicted { residual, out, added: asked.over_root(rows, factor.lower()), anew: true })
+        Some(Predicted { residual, out: None, added: asked.over_root(rows, factor.lower()) })
     }
 
     /// Residual of a part's rows without any fit.
@@ -246,7 +264,11 @@ impl<'a> Partition<'a> {
     pub fn instead(&self, out: &[usize], add: Option<usize>) -> Vec<f64> {
         let (o, added) = (self.columns_of(out), add.map(|c| self.added(c)));
         let tested = |part: usize| &self.fits[part].tested;
-        self.in_rows(self.predicted(&o, added.as_ref(), &tested, Asked::Residuals))
+        let taken_out = self.taken_out(&o, &[add], &tested, Asked::Residuals);
+        let one = |part: usize| {
+            self.predicted(part, tested(part), (&o, taken_out[part].as_ref()), added.as_ref(), Asked::Residuals)
+        };
+        self.in_rows((0..self.rows.len()).into_par_iter().map(one).collect())
     }
 
     /// The same of the whole set, with the standard deviations that are known beforehand `factor` times as large; it says that of each candidate.
@@ -262,7 +284,7 @@ impl<'a> Partition<'a> {
     }
 
     /// What is left of each row.
-    fn in_rows(&self, predicted: Vec<Option<Predicted>>) -> Vec<f64> {
+    fn in_rows(&self, predicted: Vec<Option<Predicted<'_>>>) -> Vec<f64> {
         let mut all = vec![f64::INFINITY; self.linear.rows()];
         for (rows, predicted) in self.rows.iter().zip(predicted) {
             let Some(predicted) = predicted else { continue };
@@ -326,51 +348,54 @@ impl<'a> Partition<'a> {
         Added { precision, parts: (0..self.rows.len()).map(sums).collect() }
     }
 
-    /// The rows of each part, `tested` by the fit to the others, of the set without the columns `o` and with others in their place.
-    fn predicted<'t>(
-        &self,
-        o: &[usize],
-        add: Option<&Added>,
-        tested: &(dyn Fn(usize) -> &'t Tested + Sync),
-        asked: Asked,
-    ) -> Vec<Option<Predicted>> {
-        let one = |part: usize| self.predicted_part(part, tested(part), o, add, asked);
-        (0..self.rows.len()).into_par_iter().map(one).collect()
+    /// Whether less of the set is left without the columns `o` than goes.
+    fn keeps_less(&self, o: &[usize]) -> bool {
+        2 * o.len() > self.scale.len()
     }
 
-    fn predicted_part(
+    /// The fit without each part when the columns `o` are taken out of it; `tested` has the rows that it predicts. `None` where none of `adds`
+    /// asks for it.
+    fn taken_out<'t>(
+        &self,
+        o: &[usize],
+        adds: &[Option<usize>],
+        tested: &(dyn Fn(usize) -> &'t Tested + Sync),
+        asked: Asked,
+    ) -> Vec<Option<TakenOut>> {
+        let is_asked = !self.keeps_less(o) || adds.iter().any(Option::is_some);
+        let one = |part: usize| {
+            let (fit, tested) = (&self.fits[part], tested(part));
+            let pick = |m: &Mat| Mat::from_fn(m.nrows(), o.len(), |i, j| m[(i, o[j])]);
+            let factor = Cholesky::of(&Mat::from_fn(o.len(), o.len(), |i, j| fit.inverse[(o[i], o[j])]))?;
+            let y = factor.solve(&Mat::from_fn(o.len(), 1, |i, _| fit.x[(o[i], 0)]));
+            let (inverse, hat) = (pick(&fit.inverse), pick(&tested.hat));
+            let (mut x, mut residual) = (fit.x.clone(), tested.residual.clone());
+            x.add_product(-1.0, &inverse, &y);
+            residual.add_product(-1.0, &hat, &y);
+            let out = asked.over_root(hat.clone(), factor.lower());
+            Some(TakenOut { factor, inverse, hat, x, residual, out })
+        };
+        (0..self.rows.len()).into_par_iter().map(|part| is_asked.then(|| one(part)).flatten()).collect()
+    }
+
+    /// The rows of a part, `tested` by the fit to the others, without the columns `o` (which were `taken_out`) and with others in their place.
+    fn predicted<'t>(
         &self,
         part: usize,
         tested: &Tested,
-        o: &[usize],
+        (o, taken_out): (&[usize], Option<&'t TakenOut>),
         add: Option<&Added>,
         asked: Asked,
-    ) -> Option<Predicted> {
-        let fit = &self.fits[part];
-        let pick = |m: &Mat| Mat::from_fn(m.nrows(), o.len(), |i, j| m[(i, o[j])]);
-        let none = Mat::zeros(tested.residual.nrows(), 0);
-        if o.is_empty() && add.is_none() {
-            return Some(Predicted { residual: tested.residual.clone(), out: none.clone(), added: none, anew: false });
-        }
-        if add.is_none() && 2 * o.len() > self.scale.len() {
-            // what is left is less than what goes
+    ) -> Option<Predicted<'t>> {
+        if add.is_none() && self.keeps_less(o) {
             let kept: Vec<usize> = (0..self.scale.len()).filter(|j| !o.contains(j)).collect();
             return self.predicted_by(part, &kept, &self.precision, asked);
         }
-        let of_out = Mat::from_fn(o.len(), o.len(), |i, j| fit.inverse[(o[i], o[j])]);
-        let factor = Cholesky::of(&of_out)?;
-        let x_out = Mat::from_fn(o.len(), 1, |i, _| fit.x[(o[i], 0)]);
-        let y = factor.solve(&x_out);
-        let hat_out = pick(&tested.hat);
-        let mut residual = tested.residual.clone();
-        residual.add_product(-1.0, &hat_out, &y);
+        let TakenOut { factor, inverse, hat, x, residual, out } = taken_out?;
+        let mut residual = residual.clone();
         let Some(added) = add else {
-            return Some(Predicted {
-                residual,
-                out: asked.over_root(hat_out, factor.lower()),
-                added: none,
-                anew: false,
-            });
+            let none = Mat::zeros(residual.nrows(), 0);
+            return Some(Predicted { residual, out: Some(out), added: none });
         };
         // sums over the rows that are fitted
         let (n, k) = (self.scale.len(), added.precision.len());
@@ -383,22 +408,18 @@ impl<'a> Partition<'a> {
         for (j, precision) in added.precision.iter().enumerate() {
             aa[(j, j)] += precision;
         }
-        // what the set without its members `o` leaves of the new columns
-        let inverse_out = pick(&fit.inverse);
-        let through = factor.solve(&(inverse_out.transpose() * &a));
-        let mut solved = &fit.inverse * &a;
-        solved.add_product(-1.0, &inverse_out, &through);
-        let mut x = fit.x.clone();
-        x.add_product(-1.0, &inverse_out, &y);
+        // what the set without these columns leaves of the new ones
+        let through = factor.solve(&(inverse.transpose() * &a));
+        let mut solved = &self.fits[part].inverse * &a;
+        solved.add_product(-1.0, inverse, &through);
         aa.add_product(-1.0, a.transpose(), &solved);
         let complement = Cholesky::of(&aa)?;
-        ar.add_product(1.0, a.transpose(), &x);
+        ar.add_product(1.0, a.transpose(), x);
         let mut shown = added.parts[part].columns.clone();
         shown.add_product(-1.0, &tested.hat, &a);
-        shown.add_product(1.0, &hat_out, &through);
+        shown.add_product(1.0, hat, &through);
         residual.add_product(-1.0, &shown, &complement.solve(&ar));
-        let (out, added) = (asked.over_root(hat_out, factor.lower()), asked.over_root(shown, complement.lower()));
-        Some(Predicted { residual, out, added, anew: false })
+        Some(Predicted { residual, out: Some(out), added: asked.over_root(shown, complement.lower()) })
     }
 
     /// Pose of each row.
@@ -440,23 +461,30 @@ pub struct Foreseen {
 }
 
 impl Predictive {
-    /// Each block by the joint fit without the candidates `out` and with `add` in their place; one that is not scored has no rows. `None` where
-    /// a fit fails.
+    /// Each block by the joint fit without the candidates `out`, once with each of `adds` in their place; one that is not scored has no rows.
+    /// `None` where a fit fails.
     #[must_use]
-    pub fn of_blocks(&self, fits: &Partition<'_>, out: &[usize], add: Option<usize>) -> Option<Vec<Foreseen>> {
-        let mut added = add.map(|c| fits.added(c));
-        if let Some(added) = &mut added {
-            self.blocks.iter().for_each(|b| b.measure(&mut added.parts[b.part].columns));
-        }
-        let tested = |part: usize| &self.measured[part];
-        let predicted = fits.predicted(&fits.columns_of(out), added.as_ref(), &tested, Asked::Covariance);
-        let foreseen = self.blocks.par_iter().with_min_len(16).map(|b| b.foreseen(predicted[b.part].as_ref()?));
-        let foreseen: Option<Vec<Foreseen>> = foreseen.collect();
-        let mut all = vec![Foreseen::default(); self.count];
-        for (b, foreseen) in self.blocks.iter().zip(foreseen?) {
-            all[b.block] = foreseen;
-        }
-        Some(all)
+    pub fn of_blocks(&self, fits: &Partition<'_>, out: &[usize], adds: &[Option<usize>]) -> Vec<Option<Vec<Foreseen>>> {
+        let (o, tested) = (fits.columns_of(out), |part: usize| &self.measured[part]);
+        let taken_out = fits.taken_out(&o, adds, &tested, Asked::Covariance);
+        let one = |add: &Option<usize>| {
+            let mut added = add.map(|c| fits.added(c));
+            if let Some(added) = &mut added {
+                self.blocks.iter().for_each(|b| b.measure(&mut added.parts[b.part].columns));
+            }
+            let of_part = |part: usize| {
+                fits.predicted(part, tested(part), (&o, taken_out[part].as_ref()), added.as_ref(), Asked::Covariance)
+            };
+            let predicted: Vec<Option<Predicted<'_>>> = (0..self.measured.len()).into_par_iter().map(of_part).collect();
+            let foreseen = self.blocks.par_iter().with_min_len(16).map(|b| b.foreseen(predicted[b.part].as_ref()?));
+            let foreseen: Option<Vec<Foreseen>> = foreseen.collect();
+            let mut all = vec![Foreseen::default(); self.count];
+            for (b, foreseen) in self.blocks.iter().zip(foreseen?) {
+                all[b.block] = foreseen;
+            }
+            Some(all)
+        };
+        adds.par_iter().map(one).collect()
     }
 }
 
@@ -473,11 +501,14 @@ impl Block {
 
     fn foreseen(&self, predicted: &Predicted) -> Option<Foreseen> {
         let n = self.rows.len();
-        let [r, out, added] = [&predicted.residual, &predicted.out, &predicted.added].map(|m| some_rows(m, &self.rows));
-        let before = if predicted.anew { 0.0 } else { log_square(&self.factor) };
+        let [r, added] = [&predicted.residual, &predicted.added].map(|m| some_rows(m, &self.rows));
+        let (before, out) = match predicted.out {
+            Some(out) => (log_square(&self.factor), some_rows(out, &self.rows)),
+            None => (0.0, Mat::zeros(n, 0)),
+        };
         let (square, log_covariance) = if n <= out.ncols() + added.ncols() {
             let mut covariance = identity_and(-1.0, out.view(), out.transpose());
-            covariance.add_product(1.0, &added, added.transpose());
+            covariance.add_symmetric(1.0, added.view(), added.transpose());
             let root = Cholesky::of(&covariance)?;
             (under_root(r, root.lower()).square(), log_square(root.lower()))
         } else {
@@ -503,10 +534,10 @@ fn some_rows(m: &Mat, rows: &[usize]) -> Mat {
     some
 }
 
-/// `I + sign a b`.
+/// The lower triangle of `I + sign a b`, which is symmetric.
 fn identity_and(sign: f64, a: View<'_>, b: View<'_>) -> Mat {
     let mut m = Mat::identity(a.nrows());
-    m.add_product(sign, a, b);
+    m.add_symmetric(sign, a, b);
     m
 }
 
@@ -578,7 +609,8 @@ mod tests {
         // of two parts, the first ten and the last ten poses are scored
         let partition = Partition::new(&design, &[], 2, &|pose| pose / 30).unwrap();
         let block_of = |pose: usize| [(0, 0), (5, 2)].into_iter().find(|b| b.0 == pose / 10).map(|b| b.1);
-        let foreseen = partition.predictive(3, &block_of).unwrap().of_blocks(&partition, &[], None).unwrap();
+        let foreseen =
+            partition.predictive(3, &block_of).unwrap().of_blocks(&partition, &[], &[None]).remove(0).unwrap();
         assert_eq!(foreseen.iter().map(|f| f.rows).collect::<Vec<_>>(), [30.0, 0.0, 30.0]);
         // covariance of ten readings of an axis: 1 + 1/30 on the diagonal, 1/30 beside it
         let spread = 1.0 + 10.0 / 30.0;

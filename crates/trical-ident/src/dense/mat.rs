@@ -104,8 +104,13 @@ impl Mat {
 
     /// Adds `x'x` to the lower triangle; what is above is of no use then.
     pub fn add_square(&mut self, x: View<'_>) {
-        debug_assert!((x.columns, x.columns) == (self.rows, self.columns));
-        product::add(&mut self.entries, self.rows, 1.0, x.transpose(), x, true);
+        self.add_symmetric(1.0, x.transpose(), x);
+    }
+
+    /// Adds `factor a b`, which is symmetric, to the lower triangle; what is above is of no use then.
+    pub fn add_symmetric(&mut self, factor: f64, a: View<'_>, b: View<'_>) {
+        debug_assert!((a.rows, b.columns) == (self.rows, self.columns));
+        product::add(&mut self.entries, self.rows, factor, a, b, true);
     }
 
     /// Rows and columns from the first on.
@@ -129,6 +134,15 @@ impl View<'_> {
     #[must_use]
     pub fn to_owned(self) -> Mat {
         Mat::from_fn(self.rows, self.columns, |i, j| self.at(i, j))
+    }
+
+    /// `x'x`.
+    #[must_use]
+    pub fn gram(self) -> Mat {
+        let mut all = Mat::zeros(self.columns, self.columns);
+        all.add_square(self);
+        all.mirror();
+        all
     }
 }
 

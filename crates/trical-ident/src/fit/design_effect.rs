@@ -73,7 +73,7 @@ impl Identified {
         });
         let Some(root) = Cholesky::of(&among) else { return Ok(self) };
         solve_lower(root.lower(), &mut across);
-        let wider = c - &(across.transpose() * &across);
+        let wider = c - &across.view().gram();
         for (i, free) in self.free.iter().enumerate() {
             (0..p).for_each(|j| self.covariance[i * p + j] = factor * wider[(i, j)]);
             if let Some(sd) = &mut self.model.terms[*free].sd {
@@ -158,7 +158,7 @@ impl Whitened {
             let r = Mat::from_fn(n, 1, |k, _| self.residual[group[k].1]);
             // Z'Z and ZZ' have the same eigenvalues: whichever is smaller
             let small = n < p;
-            let (g, push) = if small { (z.transpose() * &z, r) } else { (&z * z.transpose(), &z * &r) };
+            let (g, push) = if small { (z.view().gram(), r) } else { (z.transpose().gram(), &z * &r) };
             let kept = Mat::from_fn(g.nrows(), g.nrows(), |i, j| f64::from(u8::from(i == j)) - LEFT_OUT * g[(i, j)]);
             let Some(root) = Cholesky::of(&kept) else { continue };
             let push = root.solve(&push);

@@ -12,11 +12,12 @@ use trical_diagnose::linear::{Design, Downdate, Fitted, Partition, RegressionSta
 use trical_diagnose::locators::locators;
 use trical_diagnose::selection::Search;
 use trical_diagnose::{Cause, EffectId};
+use trical_ident::dataset::Observation;
 use trical_ident::fit::priors::PriorKnowledge;
 use trical_ident::{Dataset, JointSource, Noise};
 use trical_model::{
-    Axis, Basis, Cell, Forward, Measured, Model, Motion, Place, Recording, Robot, Row, Shape, Site, State, Term,
-    residual_rows,
+    Axis, Basis, Cell, Forward, Measured, Model, Motion, Place, Pose, Recording, Robot, Row, Shape, Site, State, Term,
+    Tool, residual_rows,
 };
 
 const ROBOT: &str = include_str!("../../trical-model/tests/data/arm.toml");
@@ -59,6 +60,33 @@ fn made() -> (Model, Dataset, Vec<Candidate>) {
     let recorded = Covariates::new(&model, &data, 1e-5);
     let mut candidates = catalogue(&recorded, &[]).0;
     candidates.extend(locators(&model, &data));
+    (model, data, candidates)
+}
+
+/// The same arm, with three targets on the tool that a tracker sees at every pose.
+fn seen_by_a_tracker() -> (Model, Dataset, Vec<Candidate>) {
+    let (mut model, mut data, _) = made();
+    model.frames = vec![Pose::identity()];
+    model.cell.tool.targets = [[0.1, 0.0, 0.1], [-0.05, 0.08, 0.1], [-0.05, -0.08, 0.2]].map(Into::into).into();
+    // the device's place on the flange is that of its targets, which are known
+    model.terms.retain(|t| !matches!(t.site, Site::Tool(_)));
+    let forward = Forward::new(Model { terms: Vec::new(), ..model.clone() }, Vec::new()).unwrap();
+    let mut ws = forward.workspace();
+    let mut rng = Pcg64Mcg::seed_from_u64(12);
+    let mut seen = |o: &Observation| {
+        let tool = forward.world_from_tool(&o.state, &mut ws);
+        let Tool { tcp, targets, .. } = &model.cell.tool;
+        let at = targets.iter().map(|target| tool.rotation * (target - tcp) + tool.translation);
+        let mut noisy = |v: f64| v + 3e-5 * rng.random_range(-1.0..1.0);
+        let point = |(target, at): (usize, nalgebra::Vector3<f64>)| Measured::Point {
+            target,
+            position: [noisy(at.x), noisy(at.y), noisy(at.z)],
+        };
+        let points: Vec<Measured> = at.enumerate().map(point).collect();
+        points.into_iter().map(|measured| Observation { measured, ..o.clone() }).collect::<Vec<_>>()
+    };
+    data.observations = data.observations.iter().flat_map(&mut seen).collect();
+    let candidates = catalogue(&Covariates::new(&model, &data, 1e-5), &[]).0;
     (model, data, candidates)
 }
 
@@ -132,7 +160,15 @@ fn near(a: f64, b: f64, scale: f64) -> bool {
 
 #[test]
 fn a_candidate_removes_what_a_fit_of_all_rows_with_it_removes() {
-    let (model, data, candidates) = made();
+    removes_what_a_fit_removes(made());
+}
+
+#[test]
+fn a_candidate_removes_the_same_where_several_targets_are_seen_at_a_pose() {
+    removes_what_a_fit_removes(seen_by_a_tracker());
+}
+
+fn removes_what_a_fit_removes((model, data, candidates): (Model, Dataset, Vec<Candidate>)) {
     let design = Design::new(&model, &candidates, &data, &Noise::usual(1)).unwrap();
     let start = design.start();
     let (before, _) = fitted(&model, &[], &data);
@@ -152,13 +188,14 @@ fn a_candidate_removes_what_a_fit_of_all_rows_with_it_removes() {
 
 #[test]
 fn candidates_together_remove_what_a_fit_of_all_rows_with_them_removes() {
-    let (model, data, candidates) = made();
-    let design = Design::new(&model, &candidates, &data, &Noise::usual(1)).unwrap();
-    let set: Vec<usize> = some(&candidates).into_iter().step_by(5).collect();
-    let mut state = design.start();
-    set.iter().for_each(|k| design.add(&mut state, *k));
-    let (after, _) = fitted(&model, &set.iter().map(|k| &candidates[*k]).collect::<Vec<_>>(), &data);
-    assert!((state.ss - after).abs() < 1e-6 * after, "{} {after}", state.ss);
+    for (model, data, candidates) in [made(), seen_by_a_tracker()] {
+        let design = Design::new(&model, &candidates, &data, &Noise::usual(1)).unwrap();
+        let set: Vec<usize> = some(&candidates).into_iter().step_by(5).collect();
+        let mut state = design.start();
+        set.iter().for_each(|k| design.add(&mut state, *k));
+        let (after, _) = fitted(&model, &set.iter().map(|k| &candidates[*k]).collect::<Vec<_>>(), &data);
+        assert!((state.ss - after).abs() < 1e-6 * after, "{} {after}", state.ss);
+    }
 }
 
 /// What every candidate would do at two stages is the same.
@@ -268,28 +305,29 @@ fn effects_that_were_fitted_are_taken_out_where_they_were_fitted() {
 
 #[test]
 fn a_column_weighed_row_by_row_is_the_column_that_says_so_itself() {
-    let (model, data, candidates) = made();
-    let wave =
-        candidates.iter().find(|c| c.cause == EffectId::JointHarmonic.into() && c.site == Place::Joint(1)).unwrap();
-    let constant = |t: &Term| Term { basis: Basis::CONSTANT, ..t.clone() };
-    let weighed = Candidate { terms: wave.terms.iter().map(constant).collect(), ..wave.clone() };
-    let weights: Vec<Vec<f64>> = wave
-        .terms
-        .iter()
-        .map(|t| data.observations.iter().map(|o| t.basis.shape.at(o.state.q[0]).0).collect())
-        .collect();
-    let both = [wave.clone(), weighed];
-    let design = Design::weighted(
-        Fitted::all(&model),
-        &both,
-        &[Vec::new(), weights],
-        &data,
-        &Noise::usual(1),
-        CorrelatedNoise::WHITE,
-    )
-    .unwrap();
-    let [a, b] = [0, 1].map(|k| design.gain(&design.start(), k));
-    assert!(near(a.dss, b.dss, a.dss) && near(a.rank, b.rank, 1.0), "{a:?} {b:?}");
+    for (model, data, candidates) in [made(), seen_by_a_tracker()] {
+        let wave =
+            candidates.iter().find(|c| c.cause == EffectId::JointHarmonic.into() && c.site == Place::Joint(1)).unwrap();
+        let constant = |t: &Term| Term { basis: Basis::CONSTANT, ..t.clone() };
+        let weighed = Candidate { terms: wave.terms.iter().map(constant).collect(), ..wave.clone() };
+        let weights: Vec<Vec<f64>> = wave
+            .terms
+            .iter()
+            .map(|t| data.observations.iter().map(|o| t.basis.shape.at(o.state.q[0]).0).collect())
+            .collect();
+        let both = [wave.clone(), weighed];
+        let design = Design::weighted(
+            Fitted::all(&model),
+            &both,
+            &[Vec::new(), weights],
+            &data,
+            &Noise::usual(1),
+            CorrelatedNoise::WHITE,
+        )
+        .unwrap();
+        let [a, b] = [0, 1].map(|k| design.gain(&design.start(), k));
+        assert!(near(a.dss, b.dss, a.dss) && near(a.rank, b.rank, 1.0), "{a:?} {b:?}");
+    }
 }
 
 #[test]

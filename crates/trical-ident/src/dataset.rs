@@ -61,6 +61,14 @@ pub struct Observation {
     pub line: usize,
 }
 
+impl Observation {
+    /// Whether both were measured at one pose, and all that is known of the arm there is the same.
+    #[must_use]
+    pub fn is_in_state_of(&self, other: &Self) -> bool {
+        (self.recording, self.pose) == (other.recording, other.pose) && self.state == other.state
+    }
+}
+
 /// A row that is not used, and why.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Rejected {

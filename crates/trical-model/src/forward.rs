@@ -450,6 +450,18 @@ impl Forward {
     /// Both passes over the chain: `ws.moved` then holds the true frames.
     #[inline]
     pub(crate) fn frames_at(&self, state: &State, measured: &Measured, frame: usize, ws: &mut Workspace) {
+        self.frames::<false>(state, measured, frame, ws);
+    }
+
+    /// The same, in `SAME` state as before: what bases and moments are there is known.
+    #[inline]
+    pub(crate) fn frames<const SAME: bool>(
+        &self,
+        state: &State,
+        measured: &Measured,
+        frame: usize,
+        ws: &mut Workspace,
+    ) {
         ws.point = [0.0; 3];
         if self.varying.is_empty() {
             self.chain.run(&state.q, None, &mut ws.moved);
@@ -458,8 +470,8 @@ impl Forward {
             ws.frame = self.frame_moves.get(frame).copied().unwrap_or_default();
             return;
         }
-        ws.moments.clear();
-        if !self.moments.is_empty() {
+        if !SAME && !self.moments.is_empty() {
+            ws.moments.clear();
             self.chain.run(&state.q, None, &mut ws.still);
             self.chain.loads(&ws.still, self.payload_at(state), &mut ws.loads);
             for at in &self.moments {
@@ -474,8 +486,10 @@ impl Forward {
         let mut wave = Wave::default();
         for (k, index) in &self.varying {
             let b = &self.bound[*index];
-            let u = Self::variable(&b.basis, b.moment.map(|m| &ws.moments[m]), state, measured);
-            ws.says[*index] = Self::factor(&b.basis, state) * wave.value(b.basis.shape, u);
+            if !SAME || matches!(b.basis.of, Variable::Reading { .. }) {
+                let u = Self::variable(&b.basis, b.moment.map(|m| &ws.moments[m]), state, measured);
+                ws.says[*index] = Self::factor(&b.basis, state) * wave.value(b.basis.shape, u);
+            }
             let v = self.model.terms[*k].value * b.weight * ws.says[*index];
             match self.dofs[b.dof] {
                 Dof::Chain(i, dof) => ws.increments[i][dof as usize] += v,

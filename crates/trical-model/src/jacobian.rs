@@ -28,8 +28,32 @@ impl Forward {
         ws: &mut Workspace,
         jacobian: &mut [f64],
     ) -> usize {
+        self.linearize_in::<false>(state, measured, frame, ws, jacobian)
+    }
+
+    /// As [`Forward::linearize`], of something else that was measured in the state of the last call with this workspace.
+    pub fn linearize_also(
+        &self,
+        state: &State,
+        measured: &Measured,
+        frame: usize,
+        ws: &mut Workspace,
+        jacobian: &mut [f64],
+    ) -> usize {
+        self.linearize_in::<true>(state, measured, frame, ws, jacobian)
+    }
+
+    #[inline]
+    fn linearize_in<const SAME: bool>(
+        &self,
+        state: &State,
+        measured: &Measured,
+        frame: usize,
+        ws: &mut Workspace,
+        jacobian: &mut [f64],
+    ) -> usize {
         let rows = residual_rows(measured);
-        self.frames_at(state, measured, frame, ws);
+        self.frames::<SAME>(state, measured, frame, ws);
         let target = self.compare(measured, frame, ws);
         self.all_columns(state, measured, frame, &target, ws);
         let p = self.free.len();

@@ -1,12 +1,13 @@
 //! The linearized fit itself: residual, derivatives to the fitted parameters, and the columns of the candidates.
 //!
 //! Most columns are what one motion of the arm, its tool or its surroundings does at a measurement, times a number that the term's basis
-//! says: they are stored as that number, one for each measurement instead of one for each row, and inner products are taken of the numbers.
+//! says: they are stored as that number, one for all that was measured at a pose instead of one for each row, and inner products are taken of the
+//! numbers.
 
 use std::ops::Range;
 
 use rayon::prelude::*;
-use trical_ident::dataset::Dataset;
+use trical_ident::dataset::{Dataset, Observation};
 use trical_ident::dense::{Mat, View};
 use trical_ident::error::Result;
 use trical_ident::fit::noise::Noise;
@@ -82,19 +83,21 @@ pub(crate) struct Linear {
     pub jacobian: Mat,
     /// What is known of these beforehand.
     pub(super) priors: Vec<PriorRow>,
-    /// First row of each observation, and one past the last.
+    /// First row of each state in which the arm was measured, and one past the last.
     first_row: Vec<usize>,
+    /// State of each row.
+    state_of_row: Vec<usize>,
     /// How many candidate columns.
     width: usize,
     /// Where each column is stored: columns of one family, which have one motion, stand together.
     place: Vec<usize>,
-    /// What its basis says of each column, `observations x width`, row-major, by place.
+    /// What its basis says of each column, `states x width`, row-major, by place.
     basis_values: Vec<f64>,
     /// Places of each family.
     families: Vec<(usize, usize)>,
     /// Family of each place.
     family: Vec<usize>,
-    /// Unit direction of what the motion of each family does, `rows x families`.
+    /// Unit direction of what the motion of each family does in each state, `rows x families`.
     directions: Mat,
     /// Columns that are not one motion scaled by a number in each row, all rows, and by place which of them it is. What `basis_values` and `directions` have for them is
     /// zero.
@@ -130,7 +133,7 @@ impl Linear {
         let weights = by_column(candidates, weights);
         let total = p + values.len();
 
-        let count = data.observations.len();
+        let states = data.observations.chunk_by(say_the_same).count();
         let rows = data.scalars();
         let mut all = Self {
             residual: vec![0.0; rows],
@@ -140,9 +143,10 @@ impl Linear {
             jacobian: Mat::zeros(rows, p),
             priors: fitted.priors(),
             first_row: vec![0],
+            state_of_row: vec![0; rows],
             width,
             place,
-            basis_values: vec![0.0; count * width],
+            basis_values: vec![0.0; states * width],
             family,
             directions: Mat::zeros(rows, families.len()),
             families,
@@ -153,57 +157,69 @@ impl Linear {
         let mut block = vec![0.0; MOST_ROWS * total];
         let mut lengths = vec![0.0; all.families.len()];
         let mut row = 0;
-        for (index, o) in data.observations.iter().enumerate() {
-            if index % 64 == 0 {
+        let mut index = 0;
+        for (state, seen) in data.observations.chunk_by(say_the_same).enumerate() {
+            if state % 64 == 0 {
                 trical_model::interrupt::checkpoint()?;
             }
-            let n = forward.linearize(&o.state, &o.measured, o.frame, &mut ws, &mut block);
-            let tool = matches!(o.measured, Measured::Touch { .. }).then(|| forward.tool_axes(&ws));
-            let sigmas: Vec<f64> = (0..n).map(|k| noise.sigma(o.recording, &o.measured, k)).collect();
-            let weighted = |mut column: [f64; MOST_ROWS]| {
-                tool.iter().for_each(|tool| in_device_axes(tool, &mut column[..3]));
-                column.iter_mut().zip(&sigmas).for_each(|(v, sigma)| *v /= sigma);
-                column
-            };
-            for (k, residual) in weighted(*ws.residual()).into_iter().enumerate().take(n) {
-                // rotations of a pose are fitted, but a position error has no part in them
-                all.sigma_of_row.push((if k < 3 { sigmas[k] } else { 0.0 }, index));
-                all.pose_of_row[row + k] = o.pose;
-                all.residual[row + k] = residual;
-            }
-            for j in 0..total {
-                let column = weighted(std::array::from_fn(|k| if k < n { block[k * total + j] } else { 0.0 }));
-                for (k, v) in column.iter().enumerate().take(n) {
-                    match j.checked_sub(p) {
-                        None => all.jacobian[(row + k, j)] = *v,
-                        Some(effect) => all.residual[row + k] -= v * values[effect],
+            let first = row;
+            for (nth, o) in seen.iter().enumerate() {
+                let linearize = if nth == 0 { Forward::linearize } else { Forward::linearize_also };
+                let n = linearize(&forward, &o.state, &o.measured, o.frame, &mut ws, &mut block);
+                let tool = matches!(o.measured, Measured::Touch { .. }).then(|| forward.tool_axes(&ws));
+                let sigmas: Vec<f64> = (0..n).map(|k| noise.sigma(o.recording, &o.measured, k)).collect();
+                let weighted = |mut column: [f64; MOST_ROWS]| {
+                    tool.iter().for_each(|tool| in_device_axes(tool, &mut column[..3]));
+                    column.iter_mut().zip(&sigmas).for_each(|(v, sigma)| *v /= sigma);
+                    column
+                };
+                for (k, residual) in weighted(*ws.residual()).into_iter().enumerate().take(n) {
+                    // rotations of a pose are fitted, but a position error has no part in them
+                    all.sigma_of_row.push((if k < 3 { sigmas[k] } else { 0.0 }, index + nth));
+                    all.pose_of_row[row + k] = o.pose;
+                    all.state_of_row[row + k] = state;
+                    all.residual[row + k] = residual;
+                }
+                for j in 0..total {
+                    let column = weighted(std::array::from_fn(|k| if k < n { block[k * total + j] } else { 0.0 }));
+                    for (k, v) in column.iter().enumerate().take(n) {
+                        match j.checked_sub(p) {
+                            None => all.jacobian[(row + k, j)] = *v,
+                            Some(effect) => all.residual[row + k] -= v * values[effect],
+                        }
                     }
                 }
+                for (family, motion) in of_family.iter().enumerate() {
+                    let Some(motion) = motion else { continue };
+                    let does = weighted(*forward.does(*motion, &ws));
+                    all.directions.col_mut(family)[row..row + n].copy_from_slice(&does[..n]);
+                }
+                for (k, column) in whole.iter().enumerate() {
+                    let rows = weighted(forward.column(own + column, &o.measured, &ws));
+                    all.whole.col_mut(k)[row..row + n].copy_from_slice(&rows[..n]);
+                }
+                row += n;
             }
-            for (family, motion) in of_family.iter().enumerate() {
-                let does = motion.map_or([0.0; MOST_ROWS], |motion| weighted(*forward.does(motion, &ws)));
-                lengths[family] = does[..n].iter().map(|v| v * v).sum::<f64>().sqrt();
-                if lengths[family] > 0.0 {
-                    (0..n).for_each(|k| all.directions[(row + k, family)] = does[k] / lengths[family]);
+            for (family, length) in lengths.iter_mut().enumerate() {
+                let does = &mut all.directions.col_mut(family)[first..row];
+                *length = does.iter().map(|v| v * v).sum::<f64>().sqrt();
+                if *length > 0.0 {
+                    does.iter_mut().for_each(|v| *v /= *length);
                 }
             }
-            let basis_values = &mut all.basis_values[index * width..(index + 1) * width];
+            let basis_values = &mut all.basis_values[state * width..(state + 1) * width];
             for (column, at) in all.place.iter().enumerate() {
                 if all.whole_of[*at].is_none() {
                     basis_values[*at] = forward.amount(own + column, &ws) * lengths[all.family[*at]];
                 }
             }
-            for (k, column) in whole.iter().enumerate() {
-                let rows = weighted(forward.column(own + column, &o.measured, &ws));
-                all.whole.col_mut(k)[row..row + n].copy_from_slice(&rows[..n]);
-            }
             for (column, weights) in &weights {
                 basis_values[all.place[*column]] *= weights[index];
                 if let Some(k) = all.whole_of[all.place[*column]] {
-                    all.whole.col_mut(k)[row..row + n].iter_mut().for_each(|v| *v *= weights[index]);
+                    all.whole.col_mut(k)[first..row].iter_mut().for_each(|v| *v *= weights[index]);
                 }
             }
-            row += n;
+            index += seen.len();
             all.first_row.push(row);
         }
         Ok(all)
@@ -220,8 +236,7 @@ impl Linear {
         match self.whole_of[at] {
             Some(whole) => self.whole[(row, whole)],
             None => {
-                let observation = self.sigma_of_row[row].1;
-                self.basis_values[observation * self.width + at] * self.directions[(row, self.family[at])]
+                self.basis_values[self.state_of_row[row] * self.width + at] * self.directions[(row, self.family[at])]
             }
         }
     }
@@ -264,7 +279,7 @@ impl Linear {
         }
         self.products_with(&with, |family, column, out| {
             let of = (self.directions.col(family), with.col(column));
-            self.in_each_observation(of, out);
+            self.in_each_state(of, out);
         })
     }
 
@@ -283,8 +298,8 @@ impl Linear {
             .into_par_iter()
             .map(|k| {
                 let of = [sources[k / families], k % families].map(|family| self.directions.col(family));
-                let mut out = vec![0.0; self.first_row.len() - 1];
-                self.in_each_observation((of[0], of[1]), &mut out);
+                let mut out = vec![0.0; self.states()];
+                self.in_each_state((of[0], of[1]), &mut out);
                 out
             })
             .collect();
@@ -293,7 +308,7 @@ impl Linear {
             .map(|a| {
                 let at = self.place[*a];
                 let source = sources.binary_search(&self.family[at]).ok().filter(|_| self.whole_of[at].is_none())?;
-                Some((source, (0..self.first_row.len() - 1).map(|o| self.basis_values[o * self.width + at]).collect()))
+                Some((source, (0..self.states()).map(|state| self.basis_values[state * self.width + at]).collect()))
             })
             .collect();
         self.products_with(&rows, |family, column, out| match &basis_values[column] {
@@ -304,19 +319,24 @@ impl Linear {
             }
             None => {
                 let of = (self.directions.col(family), rows.col(column));
-                self.in_each_observation(of, out);
+                self.in_each_state(of, out);
             }
         })
     }
 
-    /// Inner products of two columns of rows in each observation.
-    fn in_each_observation(&self, (a, b): (&[f64], &[f64]), out: &mut [f64]) {
+    /// In how many states the arm was measured.
+    fn states(&self) -> usize {
+        self.first_row.len() - 1
+    }
+
+    /// Inner products of two columns of rows in each state.
+    fn in_each_state(&self, (a, b): (&[f64], &[f64]), out: &mut [f64]) {
         for (sum, rows) in out.iter_mut().zip(self.first_row.windows(2)) {
             *sum = a[rows[0]..rows[1]].iter().zip(&b[rows[0]..rows[1]]).map(|(a, b)| a * b).sum();
         }
     }
 
-    /// As [`Linear::products`]; `along` gives the inner products of a column of `with` with a family's direction in each observation.
+    /// As [`Linear::products`]; `along` gives the inner products of a column of `with` with a family's direction in each state.
     fn products_with(&self, with: &Mat, along: impl Fn(usize, usize, &mut [f64]) + Sync) -> Mat {
         let k = with.ncols();
         let mut all = Mat::zeros(self.width, k);
@@ -360,13 +380,12 @@ impl Linear {
 
     /// Products of some places of a family with some columns.
     fn piece(&self, places: Range<usize>, some: Range<usize>, along: &dyn Fn(usize, &mut [f64])) -> Mat {
-        let observations = self.first_row.len() - 1;
-        let mut numbers = Mat::zeros(observations, some.len());
+        let mut numbers = Mat::zeros(self.states(), some.len());
         for (j, column) in some.enumerate() {
             along(column, numbers.col_mut(j));
         }
         let basis_values =
-            View::of_rows(&self.basis_values, observations, self.width).columns(places.start, places.len());
+            View::of_rows(&self.basis_values, self.states(), self.width).columns(places.start, places.len());
         basis_values.transpose() * &numbers
     }
 
@@ -381,11 +400,11 @@ impl Linear {
         let (Some(first), Some(last)) = (spans.first(), spans.last()) else { return Vec::new() };
         let all = first.0..last.1;
         let any_whole = self.filter.works() || all.clone().any(|a| self.whole_of[self.place[a]].is_some());
-        let observations = self.first_row.len() - 1;
         let columns = if any_whole {
             self.filtered(all.clone())
         } else {
-            Mat::from_fn(observations, all.len(), |o, k| self.basis_values[o * self.width + self.place[all.start + k]])
+            let value = |state, k| self.basis_values[state * self.width + self.place[all.start + k]];
+            Mat::from_fn(self.states(), all.len(), value)
         };
         let between = |i: usize, j: usize| -> f64 {
             let products = columns.col(i).iter().zip(columns.col(j)).map(|(a, b)| a * b);
@@ -394,8 +413,9 @@ impl Linear {
                 return products.sum();
             }
             let [u, v] = [a, b].map(|family| self.directions.col(family));
-            let common = |o: usize| (self.first_row[o]..self.first_row[o + 1]).map(|r| u[r] * v[r]).sum::<f64>();
-            products.enumerate().map(|(o, product)| product * common(o)).sum()
+            let common =
+                |state: usize| (self.first_row[state]..self.first_row[state + 1]).map(|r| u[r] * v[r]).sum::<f64>();
+            products.enumerate().map(|(state, product)| product * common(state)).sum()
         };
         let of = |(from, to): &(usize, usize)| {
             let own = from - all.start..to - all.start;
@@ -403,6 +423,12 @@ impl Linear {
         };
         spans.iter().map(of).collect()
     }
+}
+
+/// Whether a basis says the same of both: it asks for the arm's state, and of what was measured only for the readings of a touch.
+fn say_the_same(a: &Observation, b: &Observation) -> bool {
+    let is_touch = |o: &Observation| matches!(o.measured, Measured::Touch { .. });
+    a.is_in_state_of(b) && !is_touch(a) && !is_touch(b)
 }
 
 /// Columns of one motion stand together.

@@ -72,10 +72,21 @@ impl Rows {
         self.cost = 0.0;
     }
 
-    /// Adds an observation: its rows in units of their standard deviations, weighted by Huber's loss beyond `limit`.
-    pub fn observe(&mut self, forward: &Forward, ws: &mut Workspace, o: &Observation, noise: &Noise, limit: f64) {
+    /// Adds observations of one state: their rows in units of their standard deviations, weighted by Huber's loss beyond `limit`.
+    pub fn observe(&mut self, forward: &Forward, ws: &mut Workspace, seen: &[Observation], noise: &Noise, limit: f64) {
+        for (nth, o) in seen.iter().enumerate() {
+            let rows = if nth == 0 {
+                forward.linearize(&o.state, &o.measured, o.frame, ws, &mut self.jacobian)
+            } else {
+                forward.linearize_also(&o.state, &o.measured, o.frame, ws, &mut self.jacobian)
+            };
+            self.add_rows_of(o, rows, ws, noise, limit);
+        }
+    }
+
+    /// Adds the rows of an observation that was linearized.
+    fn add_rows_of(&mut self, o: &Observation, rows: usize, ws: &Workspace, noise: &Noise, limit: f64) {
         let p = self.p;
-        let rows = forward.linearize(&o.state, &o.measured, o.frame, ws, &mut self.jacobian);
         let mut inverse = [0.0; 6];
         let mut square = 0.0;
         for (k, s) in inverse.iter_mut().enumerate().take(rows) {

@@ -57,8 +57,8 @@ pub(crate) fn evaluate(
 fn sum_rows(forward: &Forward, observations: &[Observation], noise: &Noise, limit: f64, total: &mut Rows) {
     let run = |chunk: &[Observation], rows: &mut Rows| {
         let mut ws = forward.workspace();
-        for o in chunk {
-            rows.observe(forward, &mut ws, o, noise, limit);
+        for seen in chunk.chunk_by(Observation::is_in_state_of) {
+            rows.observe(forward, &mut ws, seen, noise, limit);
         }
     };
     if observations.len() <= CHUNK {

@@ -490,7 +490,7 @@ impl<'a> PartOfPass<'a> {
             }
         }
         let Self { sums, ws, .. } = self;
-        sums.rows.observe(fit, ws, o, noise, f64::INFINITY);
+        sums.rows.observe(fit, ws, std::slice::from_ref(o), noise, f64::INFINITY);
         let rows = trical_model::residual_rows(&o.measured);
         sums.after.add(length(&ws.residual()[..rows.min(3)]));
         let in_sigma = |k: usize| ws.residual()[k] / noise.sigma(o.recording, &o.measured, k);

@@ -105,7 +105,8 @@ fn a_pose_that_the_arm_reaches_in_several_configurations_is_named() {
     let told = joints(&q).replace("movej(", &format!("servoj(get_inverse_kin({place},qnear=")).replace(")\n", "))\n");
     let mut turned = q;
     turned[5] += std::f64::consts::TAU;
-    // A, F: to joints in either configuration, T: in the first, a turn of joint 6 on; L: to the pose, N: in the first
+    let beyond = told.replace(&place, "p[9,0,0,0,0,0]");
+    // A, F: to joints in either configuration, T: in the first, a turn of joint 6 on; L: to the pose, N: in the first; U: beyond reach
     for (text, is_named, is_flipped) in [
         ("A if b:\n F end\n L", true, true),
         ("A if b:\n L end\n L", false, false),
@@ -120,6 +121,7 @@ fn a_pose_that_the_arm_reaches_in_several_configurations_is_named() {
         ("def main():\n def go():\n L end\n A go()\n A go()\n end\n", false, false),
         ("def main():\n def go():\n N end\n A go()\n F go()\n end\n", false, false),
         ("def main():\n while b:\n N F end\n end\n main()\n", false, false),
+        ("def main():\n def go():\n U L end\n A go()\n F go()\n end\n", true, false),
         ("A go()\n F go()\n def go():\n L end\n", true, false),
         ("def main():\n def go():\n L end\n A go()\n end\n F main()\n", false, false),
         ("def go():\n L end\n def main():\n go()\n end\n A main()\n F main()\n", true, true),
@@ -132,6 +134,7 @@ fn a_pose_that_the_arm_reaches_in_several_configurations_is_named() {
             .replace('L', &linear)
             .replace('T', &joints(&turned))
             .replace('N', &told)
+            .replace('U', &beyond)
             .replace(' ', "");
         let program =
             program.replace('@', &place).replace("def", "def ").replace("if", "if ").replace("while", "while ");

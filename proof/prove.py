@@ -157,7 +157,9 @@ def main() -> int:
     parser.add_argument(
         "--seed", type=int, default=today, help="default: today's date, so that nobody has trained on it"
     )
-    parser.add_argument("--size", choices=sorted(COUNTS), default="small", help="small: 4 minutes; large: an hour; full: three hours")
+    parser.add_argument(
+        "--size", choices=sorted(COUNTS), default="small", help="small: 4 minutes; large: an hour; full: three hours"
+    )
     parser.add_argument("--out", type=Path, help="default: proof/runs/SIZE-SEED; must not hold another run")
     parser.add_argument("--binary", type=Path, default=run.BINARY, help="default: $TRICAL_BINARY or the release build")
     parser.add_argument("--kinds", help="only these, with how many: real=30,curves=20")

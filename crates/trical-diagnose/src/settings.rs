@@ -44,8 +44,8 @@ pub const REPEATS_BY_CHANCE: f64 = 0.02;
 
 // Recordings of many poses
 
-/// Poses that are searched. An effect that this many do not show at three standard deviations takes less than a thousandth off the errors.
-pub const SEARCHED_POSES: usize = 1536;
+/// Poses that are searched. An effect that this many do not show at three standard deviations takes less than two thousandths off the errors.
+pub const SEARCHED_POSES: usize = 1024;
 
 /// Neighbouring poses that a sample takes together.
 pub const RUN_POSES: usize = 16;

@@ -83,7 +83,7 @@ fn seen_by_a_tracker() -> (Model, Dataset, Vec<Candidate>) {
             position: [noisy(at.x), noisy(at.y), noisy(at.z)],
         };
         let points: Vec<Measured> = at.enumerate().map(point).collect();
-        points.into_iter().map(|measured| Observation { measured, ..o.clone() }).collect::<Vec<_>>()
+        points.into_iter().map(|measured| Observation { measured, ..*o }).collect::<Vec<_>>()
     };
     data.observations = data.observations.iter().flat_map(&mut seen).collect();
     let candidates = catalogue(&Covariates::new(&model, &data, 1e-5), &[]).0;

@@ -107,7 +107,7 @@ pub(crate) struct Linear {
 
 impl Linear {
     /// Linearizes a fit with the terms of the candidates at zero. A candidate with weights has them multiplied in, for each of its columns
-    /// one for each observation.
+    /// one for each observation, the same for all of a pose.
     pub fn new(
         fitted: Fitted<'_>,
         candidates: &[Candidate],

@@ -56,8 +56,8 @@ impl Design {
     }
 
     /// As [`Design::new`], of any fit: with its own effects among the candidates the picture is exact. A candidate with weights (for each of its
-    /// columns, one for each observation) has them multiplied in. Correlated noise is made white: rows are then what could
-    /// not be foreseen from those before.
+    /// columns, one for each observation, the same for all of a pose) has them multiplied in. Correlated noise is made white: rows are then what
+    /// could not be foreseen from those before.
     ///
     /// # Errors
     /// As [`Design::new`].

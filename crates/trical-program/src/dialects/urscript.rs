@@ -292,10 +292,17 @@ impl<'a> Reader<'a> {
         self.c.at += 1;
         let inside = self.c;
         calls.extend(self.called_ahead());
-        let mut given = Vec::new();
+        let (mut given, mut unread) = (Vec::new(), Vec::new());
         let mut end = inside;
         for (k, (function, mut c)) in calls.into_iter().enumerate() {
+            let (at, from) = (c.at as u32, given.len());
             each_argument(self.scopes, function, &mut c, |c, parameter| given.push((*c, parameter)));
+            if c.peek() != b')' {
+                // an argument so long that those behind it were not come to
+                let is_read = |key: u64| given[from..].iter().any(|(_, parameter)| *parameter == key);
+                let left = self.scopes.parameters(function).iter().filter(|p| !is_read(p.key));
+                unread.extend(left.map(|p| (p.key, at)));
+            }
             if k == 0 {
                 end = c;
             }
@@ -305,6 +312,9 @@ impl<'a> Reader<'a> {
         for (c, parameter) in given {
             self.c = c;
             self.argument(parameter);
+        }
+        for (parameter, at) in unread {
+            self.names.set_from(parameter, Origin::Computed(at));
         }
         // what is given by its name (`where=p[...]`) assigns nothing here
         self.c = end;

@@ -3,7 +3,7 @@
 use trical_model::{Axis, Basis, Motion, Site, Term};
 use trical_program::{Dialect, Frames, Options, Program, compensate};
 
-use crate::fixtures::{IRB, KR6, nominal, real};
+use crate::fixtures::{IRB, KR6, UR5E, nominal, real};
 use crate::{options, run, unmarked};
 
 const TARGET: &str = "[[350,50,320],[0,0.6,0.8,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]";
@@ -151,6 +151,25 @@ fn what_no_file_has_and_is_given_a_place_is_listed_unless_it_reads_or_moves_noth
     {
         assert!(of_krl(&text(call)).is_empty(), "{call}: {:?}", of_krl(&text(call)));
     }
+}
+
+#[test]
+fn a_place_behind_an_argument_that_is_too_long_to_be_read_is_listed() {
+    let place = "p[0.35,0.05,0.32,1.885,2.513,0]";
+    let of = |count: usize| {
+        let list = vec![place; count].join(", ");
+        let text = format!(
+            "def prog():\ndef go(path, where):\nmovel(where)\nend\nmovej([0.1,0.2,0.2,0.1,0.5,0.3])\ngo([{list}], {place})\ngo([1,2], {place})\nend\n"
+        );
+        let n = nominal(UR5E);
+        let mut out = Vec::new();
+        let program = Program::of_file(text.as_bytes(), "p", Dialect::UrScript, &mut out);
+        let report = compensate(program, &n, &n, &Frames::default(), &options()).unwrap();
+        (report.rewritten, report.problems.iter().map(ToString::to_string).collect::<Vec<_>>())
+    };
+    assert_eq!(of(3), (3, Vec::new()));
+    let (rewritten, problems) = of(40);
+    assert!(rewritten == 2 && problems.len() == 1 && problems[0].contains("line 6"), "{rewritten} {problems:?}");
 }
 
 #[test]

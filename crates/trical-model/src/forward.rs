@@ -450,18 +450,12 @@ impl Forward {
     /// Both passes over the chain: `ws.moved` then holds the true frames.
     #[inline]
     pub(crate) fn frames_at(&self, state: &State, measured: &Measured, frame: usize, ws: &mut Workspace) {
-        self.frames::<false>(state, measured, frame, ws);
+        self.frames(false, state, measured, frame, ws);
     }
 
-    /// The same, in `SAME` state as before: what bases and moments are there is known.
+    /// The same; in the `same` state as before, what bases and moments are there is known.
     #[inline]
-    pub(crate) fn frames<const SAME: bool>(
-        &self,
-        state: &State,
-        measured: &Measured,
-        frame: usize,
-        ws: &mut Workspace,
-    ) {
+    pub(crate) fn frames(&self, same: bool, state: &State, measured: &Measured, frame: usize, ws: &mut Workspace) {
         ws.point = [0.0; 3];
         if self.varying.is_empty() {
             self.chain.run(&state.q, None, &mut ws.moved);
@@ -470,7 +464,7 @@ impl Forward {
             ws.frame = self.frame_moves.get(frame).copied().unwrap_or_default();
             return;
         }
-        if !SAME && !self.moments.is_empty() {
+        if !same && !self.moments.is_empty() {
             ws.moments.clear();
             self.chain.run(&state.q, None, &mut ws.still);
             self.chain.loads(&ws.still, self.payload_at(state), &mut ws.loads);
@@ -486,7 +480,7 @@ impl Forward {
         let mut wave = Wave::default();
         for (k, index) in &self.varying {
             let b = &self.bound[*index];
-            if !SAME || matches!(b.basis.of, Variable::Reading { .. }) {
+            if !same || matches!(b.basis.of, Variable::Reading { .. }) {
                 let u = Self::variable(&b.basis, b.moment.map(|m| &ws.moments[m]), state, measured);
                 ws.says[*index] = Self::factor(&b.basis, state) * wave.value(b.basis.shape, u);
             }

@@ -28,32 +28,21 @@ impl Forward {
         ws: &mut Workspace,
         jacobian: &mut [f64],
     ) -> usize {
-        self.linearize_in::<false>(state, measured, frame, ws, jacobian)
+        self.linearize_next(false, state, (measured, frame), ws, jacobian)
     }
 
-    /// As [`Forward::linearize`], of something else that was measured in the state of the last call with this workspace.
-    pub fn linearize_also(
-        &self,
-        state: &State,
-        measured: &Measured,
-        frame: usize,
-        ws: &mut Workspace,
-        jacobian: &mut [f64],
-    ) -> usize {
-        self.linearize_in::<true>(state, measured, frame, ws, jacobian)
-    }
-
+    /// As [`Forward::linearize`], of what was measured, and its frame, in the `same` state as at the last call with this workspace.
     #[inline]
-    fn linearize_in<const SAME: bool>(
+    pub fn linearize_next(
         &self,
+        same: bool,
         state: &State,
-        measured: &Measured,
-        frame: usize,
+        (measured, frame): (&Measured, usize),
         ws: &mut Workspace,
         jacobian: &mut [f64],
     ) -> usize {
         let rows = residual_rows(measured);
-        self.frames::<SAME>(state, measured, frame, ws);
+        self.frames(same, state, measured, frame, ws);
         let target = self.compare(measured, frame, ws);
         self.all_columns(state, measured, frame, &target, ws);
         let p = self.free.len();

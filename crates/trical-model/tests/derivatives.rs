@@ -623,7 +623,7 @@ fn every_column_agrees_with_automatic_differentiation_on_random_arms_and_poses()
         // nothing else that was measured in that state before, with what bases say of it kept, changes anything
         let (mut again, mut after) = (forward.workspace(), vec![f64::NAN; 6 * p]);
         forward.linearize(&state, &draw.measured(), 0, &mut again, &mut after);
-        forward.linearize_also(&state, &measured, 0, &mut again, &mut after);
+        forward.linearize_next(true, &state, (&measured, 0), &mut again, &mut after);
         assert_eq!((&after[..rows * p], again.residual()), (&jacobian[..rows * p], ws.residual()));
         // thousands of arms, a dozen random columns each, all columns every fiftieth time
         let every = trial % 50 == 0;

@@ -85,8 +85,6 @@ pub(crate) struct Linear {
     pub(super) priors: Vec<PriorRow>,
     /// First row of each state in which the arm was measured, and one past the last.
     first_row: Vec<usize>,
-    /// State of each row.
-    state_of_row: Vec<usize>,
     /// How many candidate columns.
     width: usize,
     /// Where each column is stored: columns of one family, which have one motion, stand together.
@@ -143,7 +141,6 @@ impl Linear {
             jacobian: Mat::zeros(rows, p),
             priors: fitted.priors(),
             first_row: vec![0],
-            state_of_row: vec![0; rows],
             width,
             place,
             basis_values: vec![0.0; states * width],
@@ -164,8 +161,7 @@ impl Linear {
             }
             let first = row;
             for (nth, o) in seen.iter().enumerate() {
-                let linearize = if nth == 0 { Forward::linearize } else { Forward::linearize_also };
-                let n = linearize(&forward, &o.state, &o.measured, o.frame, &mut ws, &mut block);
+                let n = forward.linearize_next(nth > 0, &o.state, (&o.measured, o.frame), &mut ws, &mut block);
                 let tool = matches!(o.measured, Measured::Touch { .. }).then(|| forward.tool_axes(&ws));
                 let sigmas: Vec<f64> = (0..n).map(|k| noise.sigma(o.recording, &o.measured, k)).collect();
                 let weighted = |mut column: [f64; MOST_ROWS]| {
@@ -177,7 +173,6 @@ impl Linear {
                     // rotations of a pose are fitted, but a position error has no part in them
                     all.sigma_of_row.push((if k < 3 { sigmas[k] } else { 0.0 }, index + nth));
                     all.pose_of_row[row + k] = o.pose;
-                    all.state_of_row[row + k] = state;
                     all.residual[row + k] = residual;
                 }
                 for j in 0..total {
@@ -236,7 +231,8 @@ impl Linear {
         match self.whole_of[at] {
             Some(whole) => self.whole[(row, whole)],
             None => {
-                self.basis_values[self.state_of_row[row] * self.width + at] * self.directions[(row, self.family[at])]
+                let state = self.first_row.partition_point(|first| *first <= row) - 1;
+                self.basis_values[state * self.width + at] * self.directions[(row, self.family[at])]
             }
         }
     }

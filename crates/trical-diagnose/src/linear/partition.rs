@@ -246,7 +246,7 @@ impl<'a> Partition<'a> {
         let factor = Cholesky::of(&h)?;
         let rows = self.rows_of(part, columns);
         let residual = self.residual_of(part) + &(&rows * &factor.solve(&g));
-        Some(Predicted { residual, out: None, added: asked.over_root(rows, factor.lower()) })
+        Some(Predicted { residual, out: None, added: asked.over_root(&rows, factor.lower()) })
     }
 
     /// Residual of a part's rows without any fit.
@@ -341,7 +341,7 @@ impl<'a> Partition<'a> {
         }
         let sums = |part: usize| {
             let seen = Mat::from_fn(self.rows[part].len(), k, |i, j| columns[(self.rows[part][i], j)]);
-            let (with_set, with_itself) = (self.columns[part].transpose() * &seen, seen.transpose() * &seen);
+            let (with_set, with_itself) = (self.columns[part].transpose() * &seen, seen.view().gram());
             let push = seen.transpose() * &self.residual_of(part);
             Seen { columns: seen, with_set, with_itself, push }
         };
@@ -372,7 +372,7 @@ impl<'a> Partition<'a> {
             let (mut x, mut residual) = (fit.x.clone(), tested.residual.clone());
             x.add_product(-1.0, &inverse, &y);
             residual.add_product(-1.0, &hat, &y);
-            let out = asked.over_root(hat.clone(), factor.lower());
+            let out = asked.over_root(&hat, factor.lower());
             Some(TakenOut { factor, inverse, hat, x, residual, out })
         };
         (0..self.rows.len()).into_par_iter().map(|part| is_asked.then(|| one(part)).flatten()).collect()
@@ -419,7 +419,7 @@ impl<'a> Partition<'a> {
         shown.add_product(-1.0, &tested.hat, &a);
         shown.add_product(1.0, hat, &through);
         residual.add_product(-1.0, &shown, &complement.solve(&ar));
-        Some(Predicted { residual, out: Some(out), added: asked.over_root(shown, complement.lower()) })
+        Some(Predicted { residual, out: Some(out), added: asked.over_root(&shown, complement.lower()) })
     }
 
     /// Pose of each row.
@@ -515,7 +515,7 @@ impl Block {
             let of_out = Cholesky::of(&identity_and(-1.0, out.transpose(), out.view()))?;
             let under = |m: Mat| under_root(m, of_out.lower());
             let (a, b) = (under(out.transpose() * &r), under(out.transpose() * &added));
-            let of_added = identity_and(1.0, added.transpose(), added.view()) + &(b.transpose() * &b);
+            let of_added = identity_and(1.0, added.transpose(), added.view()) + &b.view().gram();
             let of_added = Cholesky::of(&of_added)?;
             let c = under_root(added.transpose() * &r + &(b.transpose() * &a), of_added.lower());
             let square = r.square() + a.square() - c.square();
@@ -554,7 +554,7 @@ fn log_square(root: &Mat) -> f64 {
 
 impl Asked {
     /// `m L'^-1`, if the covariance is asked for.
-    fn over_root(self, m: Mat, root: &Mat) -> Mat {
+    fn over_root(self, m: &Mat, root: &Mat) -> Mat {
         match self {
             Self::Residuals => Mat::zeros(m.nrows(), 0),
             Self::Covariance => under_root(m.transpose().to_owned(), root).transpose().to_owned(),

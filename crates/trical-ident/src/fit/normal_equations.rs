@@ -75,11 +75,7 @@ impl Rows {
     /// Adds observations of one state: their rows in units of their standard deviations, weighted by Huber's loss beyond `limit`.
     pub fn observe(&mut self, forward: &Forward, ws: &mut Workspace, seen: &[Observation], noise: &Noise, limit: f64) {
         for (nth, o) in seen.iter().enumerate() {
-            let rows = if nth == 0 {
-                forward.linearize(&o.state, &o.measured, o.frame, ws, &mut self.jacobian)
-            } else {
-                forward.linearize_also(&o.state, &o.measured, o.frame, ws, &mut self.jacobian)
-            };
+            let rows = forward.linearize_next(nth > 0, &o.state, (&o.measured, o.frame), ws, &mut self.jacobian);
             self.add_rows_of(o, rows, ws, noise, limit);
         }
     }

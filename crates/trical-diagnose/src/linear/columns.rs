@@ -531,6 +531,30 @@ mod tests {
     }
 
     #[test]
+    fn touches_that_follow_each_other_in_one_state_keep_their_own_readings() {
+        let (model, mut data, candidates) = made();
+        let twice = data.observations.iter().flat_map(|o| {
+            let Measured::Touch { ball, reading } = o.measured else { return [*o; 2] };
+            let again = reading.map(|r| 0.2e-3 - r);
+            [*o, Observation { measured: Measured::Touch { ball, reading: again }, ..*o }]
+        });
+        data.observations = twice.collect();
+        let linear = Linear::new(Fitted::all(&model), &candidates, &[], &data, &Noise::usual(1)).unwrap();
+        let terms = candidates.iter().flat_map(|c| c.terms.iter().zip(&c.scales)).enumerate();
+        let of_readings = terms.filter(|(_, (t, _))| matches!(t.basis.of, trical_model::Variable::Reading { .. }));
+        let mut columns = 0;
+        for (column, (term, scale)) in of_readings {
+            let mut own = vec![0.0; linear.rows()];
+            linear.column(column, &mut own);
+            let expected = differences(&model, &data, term, 1e-3 * scale);
+            let largest = expected.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+            assert!(own.iter().zip(&expected).all(|(a, b)| (a - b).abs() <= 1e-5 * largest), "{}", term.name);
+            columns += 1;
+        }
+        assert!(columns > 2, "{columns}");
+    }
+
+    #[test]
     fn rows_stand_in_the_order_of_the_touches_with_their_poses_and_the_parameters_beside_them() {
         let (model, data, _) = made();
         let linear = Linear::new(Fitted::all(&model), &[], &[], &data, &Noise::usual(1)).unwrap();

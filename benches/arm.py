@@ -6,7 +6,7 @@ in the compliance of joints 2 to 6 as well: a joint gives way by coefficient tim
 Needs NumPy only; run as a script it writes the files.
 """
 
-import sys
+import argparse
 from pathlib import Path
 
 import numpy as np
@@ -284,4 +284,8 @@ def write_all(folder, big=1_000_000, arms=0):
 
 
 if __name__ == "__main__":
-    write_all(sys.argv[1], *map(int, sys.argv[2:]))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("big", type=int, nargs="?", default=1_000_000, help="rows of the largest recording; 0 for none")
+    parser.add_argument("arms", type=int, nargs="?", default=0, help="arms of the fleet")
+    write_all(**vars(parser.parse_args()))

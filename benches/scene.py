@@ -5,7 +5,7 @@ Written for everybody from one source: `scene_KIND.txt`, one shape a line (`fram
 along z of their frame, l is the length of the segment.
 """
 
-import sys
+import argparse
 from pathlib import Path
 
 import numpy as np
@@ -83,4 +83,6 @@ def write_all(folder):
 
 
 if __name__ == "__main__":
-    write_all(sys.argv[1])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    write_all(parser.parse_args().folder)

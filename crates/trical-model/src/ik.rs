@@ -82,7 +82,7 @@ pub fn inverse_kinematics(
     let mut order: Vec<(f64, Solution)> = Vec::with_capacity(roots.len());
     for (branch, root) in roots.iter().enumerate() {
         let mut wraps = Vec::new();
-        if let Err(e) = all_wraps(robot, root, &mut wraps) {
+        if let Err(e) = all_wraps(robot, root, |joints| wraps.push(joints)) {
             keep_better(&mut failure, e);
         }
         for mut joints in wraps {
@@ -100,12 +100,17 @@ pub fn inverse_kinematics(
             order.push((farthest(robot.dof(), &joints, &state.q), Solution { joints, branch }));
         }
     }
-    order.sort_by(|a, b| a.0.total_cmp(&b.0));
-    order.truncate(MOST);
     if order.is_empty() {
         return Err(failure.unwrap_or(IkError::Unreachable { miss_m: f64::NAN, miss_rad: f64::NAN }));
     }
-    Ok(order.into_iter().map(|(_, s)| s).collect())
+    Ok(in_order(order))
+}
+
+/// The first [`MOST`] by what stands beside them.
+fn in_order(mut solutions: Vec<(f64, Solution)>) -> Vec<Solution> {
+    solutions.sort_by(|a, b| a.0.total_cmp(&b.0));
+    solutions.truncate(MOST);
+    solutions.into_iter().map(|(_, solution)| solution).collect()
 }
 
 /// The solution of each branch, whole turns aside.
@@ -284,9 +289,6 @@ fn changes_with_turns(forward: &Forward) -> bool {
     })
 }
 
-#[cfg(test)]
-mod tests;
-
 /// All solutions of a usual arm within limits, nearest to `state.q` first; `None` where the general way has to look.
 fn usual_solutions(
     usual: &Usual,
@@ -304,25 +306,23 @@ fn usual_solutions(
             count += 1;
         }
     })?;
-    let mut solutions: Vec<Solution> = Vec::with_capacity(8);
-    let mut wraps = Vec::new();
+    let mut solutions: Vec<(f64, Solution)> = Vec::with_capacity(8);
     let mut at = *state;
+    // half turns of the wrist's joints lead from one of its two ways to the other: where one takes the pose, so does the other
+    let mut checked = None;
     for (q, branch) in &seeds[..count] {
-        wraps.clear();
-        if all_wraps(robot, q, &mut wraps).is_err() {
-            continue;
+        let beside = |joints: Joints| (farthest(6, &joints, &state.q), Solution { joints, branch: *branch });
+        let within = all_wraps(robot, q, |joints| solutions.push(beside(joints))).is_ok();
+        if within && checked != Some(branch / 2) {
+            at.q = *q;
+            if !newton::is_there(&forward.world_from_tool(&at, ws), world_from_tool) {
+                return None;
+            }
+            checked = Some(branch / 2);
         }
-        at.q = *q;
-        if !newton::is_there(&forward.world_from_tool(&at, ws), world_from_tool) {
-            return None;
-        }
-        solutions.extend(wraps.iter().map(|joints| Solution { joints: *joints, branch: *branch }));
     }
-    if solutions.is_empty() {
-        return None;
-    }
-    let far = |s: &Solution| farthest(6, &s.joints, &state.q);
-    solutions.sort_by(|a, b| far(a).total_cmp(&far(b)));
-    solutions.truncate(MOST);
-    Some(solutions)
+    (!solutions.is_empty()).then(|| in_order(solutions))
 }
+
+#[cfg(test)]
+mod tests;

@@ -83,13 +83,19 @@ pub(super) fn put_within(robot: &Robot, q: &mut Joints) -> Result<(), IkError> {
     worst.map_or(Ok(()), Err)
 }
 
+/// The least of the whole turns of `value` that is not below `lower`.
+#[inline]
+fn first_from(lower: f64, value: f64) -> f64 {
+    // `ceil` is a call where the processor is not asked for its own
+    if (lower..lower + TAU).contains(&value) { value } else { value + TAU * ((lower - value) / TAU).ceil() }
+}
+
 /// Whether some whole turn of a revolute joint at `value` can be within its limits, with a little to spare.
 #[inline]
 pub(super) fn may_be_within(joint: &Joint, value: f64) -> bool {
     const SPARE: f64 = 1e-9;
     let [lower, upper] = joint.limits;
-    let first = value + TAU * ((lower - SPARE - value) / TAU).ceil();
-    first <= upper + SPARE
+    first_from(lower - SPARE, value) <= upper + SPARE
 }
 
 /// `q` within limits, where every joint has one way to be there: the usual case, for which nothing is allocated.
@@ -98,7 +104,7 @@ fn only_wrap(robot: &Robot, q: &Joints) -> Option<Joints> {
     for (x, j) in out.iter_mut().zip(&robot.joints) {
         let [lower, upper] = [j.limits[0] - LIMIT_SLACK, j.limits[1] + LIMIT_SLACK];
         if j.kind == JointKind::Revolute {
-            *x += TAU * ((lower - *x) / TAU).ceil();
+            *x = first_from(lower, *x);
             if *x + TAU <= upper {
                 return None;
             }
@@ -111,20 +117,19 @@ fn only_wrap(robot: &Robot, q: &Joints) -> Option<Joints> {
     Some(out)
 }
 
-/// All whole turns of `q` within limits.
-pub(super) fn all_wraps(robot: &Robot, q: &Joints, out: &mut Vec<Joints>) -> Result<(), IkError> {
+/// Hands on all whole turns of `q` within limits.
+pub(super) fn all_wraps(robot: &Robot, q: &Joints, mut found: impl FnMut(Joints)) -> Result<(), IkError> {
     if let Some(only) = only_wrap(robot, q) {
-        out.push(only);
+        found(only);
         return Ok(());
     }
     let mut worst: Option<IkError> = None;
-    out.push(*q);
+    let mut wraps = vec![*q];
     for (i, j) in robot.joints.iter().enumerate() {
         let [lower, upper] = j.limits;
         let mut values = Vec::with_capacity(3);
         if j.kind == JointKind::Revolute {
-            let first = ((lower - LIMIT_SLACK - q[i]) / TAU).ceil();
-            let mut v = q[i] + TAU * first;
+            let mut v = first_from(lower - LIMIT_SLACK, q[i]);
             while v <= upper + LIMIT_SLACK {
                 values.push(v.clamp(lower, upper));
                 v += TAU;
@@ -144,19 +149,19 @@ pub(super) fn all_wraps(robot: &Robot, q: &Joints, out: &mut Vec<Joints>) -> Res
             }
             continue;
         }
-        let before = std::mem::take(out);
+        let before = std::mem::take(&mut wraps);
         for w in before.iter().take(MOST / values.len().max(1)) {
             for v in &values {
                 let mut next = *w;
                 next[i] = *v;
-                out.push(next);
+                wraps.push(next);
             }
         }
     }
     if let Some(e) = worst {
-        out.clear();
         return Err(e);
     }
+    wraps.into_iter().for_each(found);
     Ok(())
 }
 
@@ -173,7 +178,7 @@ mod tests {
         let mut robot = Robot::parse(include_str!("../../tests/data/arm.toml"), "arm.toml").unwrap();
         robot.joints[0].limits = [-166.0, 166.0];
         let mut found = Vec::new();
-        all_wraps(&robot, &[0.5; MAX_JOINTS], &mut found).unwrap();
+        all_wraps(&robot, &[0.5; MAX_JOINTS], |joints| found.push(joints)).unwrap();
         let mut turns: Vec<f64> = found.iter().map(|q| ((q[0] - 0.5) / TAU).round()).collect();
         turns.sort_by(f64::total_cmp);
         turns.dedup();
@@ -187,7 +192,7 @@ mod tests {
         let ends = |at: f64| {
             let (mut q, mut out) = ([0.0; MAX_JOINTS], Vec::new());
             q[5] = at;
-            all_wraps(&robot, &q, &mut out).map(|()| out.iter().map(|q| q[5]).collect::<Vec<_>>())
+            all_wraps(&robot, &q, |joints| out.push(joints)).map(|()| out.iter().map(|q| q[5]).collect::<Vec<_>>())
         };
         assert_eq!(ends(PI).unwrap(), [-PI, PI]);
         assert_eq!(ends(-PI).unwrap(), [-PI, PI]);

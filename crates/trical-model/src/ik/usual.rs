@@ -162,7 +162,7 @@ impl Usual {
     /// wrist is straight.
     fn wrist(&self, m: &[RowVector3<f64>; 3], mut found: impl FnMut(usize, [f64; 3])) -> Option<()> {
         let [_, first, second] = self.side;
-        let sine = libm::hypot(m[0].z, m[1].z);
+        let sine = (m[0].z * m[0].z + m[1].z * m[1].z).sqrt();
         if sine < NEAR_FOLD {
             return None;
         }

@@ -98,6 +98,12 @@ impl Candidate {
         self.cause.effect().is_some() && self.terms.len() > CURVE_COEFFICIENTS
     }
 
+    /// On what it depends, and on the sense of which joint's motion.
+    #[must_use]
+    pub fn over(&self) -> Option<(Variable, Option<usize>)> {
+        self.terms.first().map(|t| (t.basis.of, t.basis.sense))
+    }
+
     /// Whether it happens in the course of a session.
     #[must_use]
     pub fn is_course(&self) -> bool {

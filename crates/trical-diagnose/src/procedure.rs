@@ -137,6 +137,7 @@ fn select(rounds: &mut Rounds, names_only: bool, task: &Task<'_>) -> Result<()> 
     rounds.keep_what_pays()?;
     rounds.trade_curves()?;
     rounds.name_waves();
+    rounds.name_curves()?;
     Ok(())
 }
 

@@ -315,10 +315,9 @@ fn few_angles(c: &Candidate, data: &Dataset) -> Option<(usize, usize)> {
 
 /// What was chosen without a name at the place of a finding and over a variable of its own.
 fn rest_over_the_same(candidates: &[Candidate], chosen: &[usize], members: &[usize]) -> Vec<usize> {
-    let over = |c: &Candidate| c.terms.first().map(|t| (t.basis.of, t.basis.sense));
     let is_rest = |c: &Candidate| {
         let mut of = members.iter().map(|m| &candidates[*m]);
-        c.cause == Cause::Unexplained && of.any(|m| m.site.is_same_part(c.site) && over(m) == over(c))
+        c.cause == Cause::Unexplained && of.any(|m| m.site.is_same_part(c.site) && m.over() == c.over())
     };
     chosen.iter().copied().filter(|c| is_rest(&candidates[*c])).collect()
 }

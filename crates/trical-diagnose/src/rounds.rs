@@ -2,6 +2,7 @@
 
 mod elsewhere;
 mod impossible;
+mod named;
 mod pays;
 mod readings;
 mod rows;

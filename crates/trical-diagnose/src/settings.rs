@@ -80,6 +80,10 @@ pub const UNNAMED_SIZE_RAD: f64 = 0.02 * std::f64::consts::PI / 180.0;
 /// Where a curve without a name stands beside a name, it is tried with knots of this share of that size too.
 pub const UNNAMED_REST: f64 = 0.2;
 
+/// A curve of which a name says so large a share is that name and a rest: one that begins in the middle of the range of its variable is said to four
+/// fifths by what grows over all of it.
+pub const NAMED_SHARE: f64 = 0.9;
+
 /// Thresholds tried for each variable.
 pub const STEP_THRESHOLDS: usize = 30;
 

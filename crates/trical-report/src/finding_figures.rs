@@ -193,25 +193,25 @@ fn amplitudes(points: &[(usize, f64, f64)], most: u32) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// Figures of a finding that is a curve of a joint's own angle: the curve over the data, and for gear ripples the spectrum, in which the
+/// Figures of a finding that is a curve of a joint's angle at a joint: the curve over the data, and for gear ripples the spectrum, in which the
 /// gear's numbers are marked. None of any other finding.
 ///
 /// # Errors
 /// A model that cannot be evaluated, or a figure that cannot be drawn.
 pub fn figures(f: &Finding, d: &Diagnosis) -> Result<Vec<Figure>> {
     let terms = d.model.terms.iter().filter(|t| f.coefficients.iter().any(|c| c.name == t.name));
-    let of_its_angle = |off: &Off| {
-        let own = Variable::Joint { joint: off.joint };
-        d.model.robot.kind(off.joint) == JointKind::Revolute && off.terms.iter().all(|t| t.basis.of == own)
+    let with_angle = |off: Off| match off.terms.first()?.basis.of {
+        Variable::Joint { joint } if d.model.robot.kind(joint) == JointKind::Revolute => Some((off, joint)),
+        _ => None,
     };
-    let Some(off) = Off::of(terms.cloned().collect(), &d.model, &d.data)?.filter(of_its_angle) else {
+    let Some((off, angle)) = Off::of(terms.cloned().collect(), &d.model, &d.data)?.and_then(with_angle) else {
         return Ok(Vec::new());
     };
-    let joint = off.joint;
     let mut cycles: Vec<f64> = off.terms.iter().filter_map(|t| t.basis.shape.cycles()).collect();
     if f.effect != EffectId::GearRipple {
-        return Ok(vec![fitted_curve(&off, (&format!("angle of joint {joint}, deg"), 1.0_f64.to_degrees()), d)?]);
+        return Ok(vec![fitted_curve(&off, (&format!("angle of joint {angle}, deg"), 1.0_f64.to_degrees()), d)?]);
     }
+    let joint = off.joint;
     cycles.sort_by(f64::total_cmp);
     cycles.dedup();
     let spectrum = amplitudes(&off.points, CYCLES);
@@ -254,7 +254,7 @@ pub fn of_no_cause(u: &Unexplained, x_label: &str, d: &Diagnosis) -> Result<Opti
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use crate::test_data::{arm, data, pose};
+    use crate::test_data::{arm, data, diagnosis, pose};
     use nalgebra::{Rotation3, UnitQuaternion};
     use trical_model::{Forward, Shape};
 
@@ -316,6 +316,21 @@ mod tests {
         assert!(Off::of(vec![term.clone()], &model, &data).unwrap().is_none());
         (term.basis.sense, term.basis.of) = (None, Variable::Time);
         assert!(Off::of(vec![term], &model, &data).unwrap().is_none());
+    }
+
+    #[test]
+    fn a_joint_that_follows_another_is_drawn_over_the_others_angle() {
+        let mut d = diagnosis();
+        let mut f = d.findings[0].clone();
+        // a gap follows the sense of motion and no angle
+        assert!(figures(&f, &d).unwrap().is_empty());
+        let basis = Basis::new(Variable::Joint { joint: 4 }, Shape::Linear);
+        d.model.terms.push(Term::new("coupling_5_from_4", "joint_coupling", Site::Joint { joint: 5 }, basis));
+        f.effect = EffectId::JointCoupling;
+        f.coefficients[0].name = "coupling_5_from_4".into();
+        let drawn = figures(&f, &d).unwrap();
+        assert_eq!(drawn.len(), 1);
+        assert!(drawn[0].svg.contains("angle of joint 4, deg"));
     }
 
     #[test]

@@ -1,0 +1,109 @@
+//! Names for curves that have none.
+
+use trical_ident::error::Result;
+
+use super::Rounds;
+use crate::candidate::Candidate;
+use crate::effect_id::Cause;
+use crate::linear::Downdate;
+use crate::settings::NAMED_SHARE;
+
+impl Rounds {
+    /// Gives a curve that has no name the name of what one number says, where that is nearly all that the curve says, of the same motion and over the
+    /// same variable: joints of which one moves the other are seldom quite in proportion.
+    pub(crate) fn name_curves(&mut self) -> Result<()> {
+        for (curve, name) in self.nameable()? {
+            let Candidate { cause, site, behaviour, log_prior, .. } = self.candidates[name].clone();
+            let own = &mut self.candidates[curve];
+            for t in &mut own.terms {
+                let fitted = self.fitted.model.terms.iter_mut().find(|m| m.does_as(t));
+                for t in fitted.into_iter().chain([t]) {
+                    cause.name().clone_into(&mut t.effect);
+                }
+            }
+            *own = Candidate { cause, site, behaviour: format!("{behaviour}, nearly"), log_prior, ..own.clone() };
+        }
+        Ok(())
+    }
+
+    /// Curves without a name, each with the name that says most of it.
+    fn nameable(&self) -> Result<Vec<(usize, usize)>> {
+        let is_curve = |c: &usize| {
+            let own = &self.candidates[*c];
+            own.cause == Cause::Unexplained && own.terms.iter().all(|t| t.basis.beside.is_none())
+        };
+        let curves: Vec<usize> = self.chosen.iter().copied().filter(is_curve).collect();
+        if curves.is_empty() {
+            return Ok(Vec::new());
+        }
+        let design = self.design(&self.searched(), &[], self.correlation)?;
+        let (search, start) = (self.searcher(&design), design.start());
+        let downdate = Downdate::new(&design, &start, &self.chosen);
+        let name = |curve: &usize| {
+            let own = &self.candidates[*curve];
+            let without = search.without(&downdate, &start, &[*curve]).state;
+            let least = NAMED_SHARE * (without.ss - downdate.full().ss);
+            let says_it = |c: usize| {
+                let c = &self.candidates[c];
+                // with several numbers it would be a curve itself
+                let one_number = c.cause.effect().is_some() && c.terms.len() == 1;
+                one_number
+                    && own.terms.iter().any(|t| t.site == c.terms[0].site)
+                    && (c.over(), c.session()) == (own.over(), own.session())
+            };
+            let names = search.rank(&without).into_iter().filter(|r| says_it(r.candidate) && r.dss >= least);
+            names.max_by(|a, b| a.evidence.total_cmp(&b.evidence)).map(|r| (*curve, r.candidate))
+        };
+        Ok(curves.iter().filter_map(name).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use trical_model::{Basis, Place, Shape, Variable};
+
+    use super::*;
+    use crate::effect_id::EffectId;
+    use crate::options::Options;
+    use crate::test_data::with_joints;
+
+    const Q4: Variable = Variable::Joint { joint: 4 };
+
+    /// What the best curve of joint 5 over the angle of joint 4 is called, chosen alone, and terms of its name in the model, where this is hidden.
+    fn named(hidden: &[(Shape, f64)]) -> (Candidate, usize) {
+        let hidden: Vec<_> = hidden.iter().map(|(shape, size)| (5, Basis::new(Q4, *shape), *size)).collect();
+        let (truth, data) = with_joints(&hidden);
+        let mut rounds = Rounds::begin(&truth.robot, &truth.cell, &data, &Options::default()).unwrap();
+        let curve = {
+            let design = rounds.design(&rounds.searched(), &[], rounds.correlation).unwrap();
+            let is_curve =
+                |c: &Candidate| (c.cause, c.site, c.over()) == (Cause::Unexplained, Place::Joint(5), Some((Q4, None)));
+            let ranked = rounds.searcher(&design).rank(&design.start());
+            ranked.iter().map(|r| r.candidate).find(|c| is_curve(&rounds.candidates[*c])).unwrap()
+        };
+        rounds.chosen = vec![curve];
+        rounds.refit().unwrap();
+        rounds.name_curves().unwrap();
+        let own = rounds.candidates[curve].clone();
+        let fitted = rounds.fitted.model.terms.iter().filter(|m| own.terms.iter().any(|t| t.does_as(m))).count();
+        assert_eq!(fitted, own.terms.len());
+        let called = rounds.fitted.model.terms.iter().filter(|t| t.effect == EffectId::JointCoupling.name()).count();
+        (own, called)
+    }
+
+    #[test]
+    fn a_curve_gets_the_name_that_says_nearly_all_of_it() {
+        let (own, called) = named(&[(Shape::Linear, 3e-4), (Shape::Growth { from: -1.2, to: 1.4 }, 1.5e-4)]);
+        assert_eq!((own.cause, own.site), (EffectId::JointCoupling.into(), Place::Coupling { joint: 5, from: 4 }));
+        assert_eq!(own.behaviour, "joint 5 moves in proportion to joint 4's angle, nearly");
+        assert_eq!(called, own.terms.len());
+    }
+
+    #[test]
+    fn a_curve_that_begins_in_the_middle_keeps_none() {
+        let (own, called) = named(&[(Shape::Hinge { at: 0.1 }, 4e-4)]);
+        assert_eq!((own.cause, own.site, called), (Cause::Unexplained, Place::Joint(5), 0));
+    }
+}

@@ -4,8 +4,9 @@ use nalgebra::Vector3;
 
 use crate::basis::{Basis, Variable};
 use crate::chain::{Moment, shift};
-use crate::forward::{Forward, NOTHING, Workspace, residual_rows};
+use crate::forward::{Forward, Workspace, residual_rows};
 use crate::pose::Pose;
+use crate::prediction::NOTHING;
 use crate::recording::{Measured, State};
 use crate::robot::JointKind;
 use crate::target::{Map, Target, Through};

@@ -35,6 +35,7 @@ mod jacobian;
 mod on_rail;
 pub mod place;
 pub mod pose;
+mod prediction;
 pub mod recording;
 pub mod rigid;
 pub mod robot;

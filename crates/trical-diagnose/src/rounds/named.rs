@@ -3,25 +3,25 @@
 use trical_ident::error::Result;
 
 use super::Rounds;
-use crate::candidate::Candidate;
 use crate::effect_id::Cause;
 use crate::linear::Downdate;
 use crate::settings::NAMED_SHARE;
 
 impl Rounds {
-    /// Gives a curve that has no name the name of what one number says, where that is nearly all that the curve says, of the same motion and over the
-    /// same variable: joints of which one moves the other are seldom quite in proportion.
+    /// Names a curve that has no name after the effect that says nearly all of it by one number, if that moves the same and depends on the same
+    /// variable: a joint that another one moves seldom follows it quite in proportion.
     pub(crate) fn name_curves(&mut self) -> Result<()> {
         for (curve, name) in self.nameable()? {
-            let Candidate { cause, site, behaviour, log_prior, .. } = self.candidates[name].clone();
+            let name = self.candidates[name].clone();
             let own = &mut self.candidates[curve];
             for t in &mut own.terms {
                 let fitted = self.fitted.model.terms.iter_mut().find(|m| m.does_as(t));
                 for t in fitted.into_iter().chain([t]) {
-                    cause.name().clone_into(&mut t.effect);
+                    name.cause.name().clone_into(&mut t.effect);
                 }
             }
-            *own = Candidate { cause, site, behaviour: format!("{behaviour}, nearly"), log_prior, ..own.clone() };
+            own.behaviour = format!("{}, nearly", name.behaviour);
+            (own.cause, own.site, own.log_prior) = (name.cause, name.site, name.log_prior);
         }
         Ok(())
     }
@@ -65,6 +65,7 @@ mod tests {
     use trical_model::{Basis, Place, Shape, Variable};
 
     use super::*;
+    use crate::candidate::Candidate;
     use crate::effect_id::EffectId;
     use crate::options::Options;
     use crate::test_data::with_joints;

@@ -162,6 +162,11 @@ mod tests {
             "joint 3 has another zero in b and d than in the others; the model has that of the others. Where b is"
         ));
         assert!(told(&[2], &["a", "b", "c"]).unwrap().contains("in b than in the others;"));
+        assert!(
+            told(&[1, 2], &["a", "b", "c"])
+                .unwrap()
+                .contains("in a and b than in the other; the model has that of the other.")
+        );
     }
 
     #[test]

@@ -326,7 +326,7 @@ fn lag_follows_motion(data: &Dataset) -> bool {
         }
     }
     let rms = (squares / f64::max(n, 1.0)).sqrt();
-    rms > 0.0 && sum / n > 0.2 * rms && sum > 5.0 * rms * f64::max(n, 1.0).sqrt()
+    sum / n > 0.2 * rms && sum > 5.0 * rms * f64::max(n, 1.0).sqrt()
 }
 
 #[cfg(test)]

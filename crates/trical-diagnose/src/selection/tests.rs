@@ -38,6 +38,14 @@ fn a_choice_ends_at_what_is_there_from_wherever_it_begins() {
 }
 
 #[test]
+fn what_is_far_from_being_of_use_is_idle_and_what_is_missing_is_not() {
+    let improbable =
+        Candidate { log_prior: -100.0, ..off(EffectId::GearRipple.into(), 2, Shape::Sine { cycles: 77.0 }) };
+    let idle = asked_with(&[improbable], |search, start| search.idle(start, &[0, 4]));
+    assert!(idle.contains(&CYCLES.len()) && ![0, 1, 4].iter().any(|c| idle.contains(c)), "{idle:?}");
+}
+
+#[test]
 fn one_is_replaced_by_a_better_one_only_where_that_is_asked_for() {
     let swapped = |asked_of: bool| {
         asked(|search, start| {

@@ -56,6 +56,18 @@ fn where_nothing_is_found_nothing_is_claimed_of_the_model() {
 }
 
 #[test]
+fn what_likely_findings_do_not_take_of_the_error_has_no_name() {
+    let likely = finding(EffectId::GearRatio, 2, SURE, [0.05, 0.02]);
+    let of = |share| {
+        let verdict = told(&[Finding { share, ..likely.clone() }], &[], [(15, 0.05), (16, 0.02)]);
+        [verdict.named_share, verdict.unnamed_share]
+    };
+    assert_eq!([of(0.7), of(1.0)], [[0.7, 0.3], [1.0, 0.0]]);
+    let nothing = told(&[], &[], [(15, 0.05); 2]);
+    assert_eq!([nothing.named_share, nothing.unnamed_share], [0.0, 0.0]);
+}
+
+#[test]
 fn an_error_that_grows_over_all_poses_is_not_told_as_a_gain() {
     let said = |errors| summary(&finding(EffectId::GearRatio, 2, SURE, errors));
     assert!(said([0.5, 0.3]).ends_with(

@@ -170,3 +170,16 @@ fn what_two_angles_tell_is_drawn_over_the_other_one_with_the_joint_in_its_middle
     let ends = [q3().fold(f64::MAX, f64::min), q3().fold(f64::MIN, f64::max)];
     assert!((l.curve[0].0 - ends[0]).abs() < 1e-9 && (l.curve[40].0 - ends[1]).abs() < 1e-9, "{ends:?}");
 }
+
+#[test]
+fn what_happens_near_one_value_reaches_as_far_to_either_side_in_shares_of_the_range() {
+    let values: Vec<f64> = (0..200).map(|k| 3.0 + 0.01 * f64::from(k)).collect();
+    let mut reaches: Vec<f64> = Vec::new();
+    for shape in locals(&values) {
+        let Shape::Tent { left, centre, right } = shape else { panic!("{shape:?}") };
+        assert!((centre - left - (right - centre)).abs() < 1e-12);
+        reaches.push((right - centre) / 1.99);
+    }
+    let is_asked = |reach: &f64| LOCAL_REACHES.iter().any(|part| (reach - part).abs() < 1e-9);
+    assert!(!reaches.is_empty() && reaches.iter().all(is_asked), "{reaches:?}");
+}

@@ -3,6 +3,7 @@
 use trical_ident::error::Result;
 
 use super::Rounds;
+use crate::candidate::Candidate;
 use crate::effect_id::Cause;
 use crate::linear::Downdate;
 use crate::settings::NAMED_SHARE;
@@ -43,19 +44,20 @@ impl Rounds {
             let own = &self.candidates[*curve];
             let without = search.without(&downdate, &start, &[*curve]).state;
             let least = NAMED_SHARE * (without.ss - downdate.full().ss);
-            let says_it = |c: usize| {
-                let c = &self.candidates[c];
-                // with several numbers it would be a curve itself
-                let one_number = c.cause.effect().is_some() && c.terms.len() == 1;
-                one_number
-                    && own.terms.iter().any(|t| t.site == c.terms[0].site)
-                    && (c.over(), c.session()) == (own.over(), own.session())
-            };
-            let names = search.rank(&without).into_iter().filter(|r| says_it(r.candidate) && r.dss >= least);
+            let is_name = |c: usize| may_name(&self.candidates[c], own);
+            let names = search.rank(&without).into_iter().filter(|r| is_name(r.candidate) && r.dss >= least);
             names.max_by(|a, b| a.evidence.total_cmp(&b.evidence)).map(|r| (*curve, r.candidate))
         };
         Ok(curves.iter().filter_map(name).collect())
     }
+}
+
+/// Whether a candidate is an effect of one number (with several it would be a curve itself) that moves the same as a curve, by the same variable.
+fn may_name(c: &Candidate, curve: &Candidate) -> bool {
+    let [one] = &c.terms[..] else { return false };
+    c.cause.effect().is_some()
+        && curve.terms.iter().any(|t| t.site == one.site)
+        && (c.over(), c.session()) == (curve.over(), curve.session())
 }
 
 #[cfg(test)]
@@ -65,10 +67,9 @@ mod tests {
     use trical_model::{Basis, Place, Shape, Variable};
 
     use super::*;
-    use crate::candidate::Candidate;
     use crate::effect_id::EffectId;
     use crate::options::Options;
-    use crate::test_data::with_joints;
+    use crate::test_data::{off, with_joints};
 
     const Q4: Variable = Variable::Joint { joint: 4 };
 
@@ -100,6 +101,19 @@ mod tests {
         assert_eq!((own.cause, own.site), (EffectId::JointCoupling.into(), Place::Coupling { joint: 5, from: 4 }));
         assert_eq!(own.behaviour, "joint 5 moves in proportion to joint 4's angle, nearly");
         assert_eq!(called, own.terms.len());
+    }
+
+    #[test]
+    fn a_name_of_a_curve_has_one_number_and_moves_the_same_by_the_same_variable() {
+        let name = |joint| off(EffectId::GearRatio.into(), joint, Shape::Linear);
+        let curve = off(Cause::Unexplained, 2, Shape::Hinge { at: 0.3 });
+        let (mut two, mut by_q4) = (name(2), name(2));
+        two.terms.extend(name(2).terms);
+        by_q4.terms[0].basis.of = Q4;
+        assert!(may_name(&name(2), &curve));
+        for other in [two, by_q4, name(3), name(2).in_session(1), curve.clone()] {
+            assert!(!may_name(&other, &curve), "{other:?}");
+        }
     }
 
     #[test]

@@ -32,10 +32,18 @@ impl EffectId {
     }
 }
 
+/// Coefficients of curves of `locators` that got the name of an effect.
+const OF_CURVES: [CoefficientWords; 3] = [
+    ("growth", "error where it is largest", ""),
+    ("step", "error beyond the step", ""),
+    ("local", "error where it is largest", ""),
+];
+
 /// What a coefficient of a finding is, in words: "half_gap_3" is "half of the gap", "tool_shift_x_2" the "jump along x".
 #[must_use]
 pub fn coefficient(name: &str) -> String {
-    let told = EFFECTS.iter().flat_map(|e| e.coefficients).filter(|(begins, ..)| name.starts_with(begins));
+    let told =
+        EFFECTS.iter().flat_map(|e| e.coefficients).chain(&OF_CURVES).filter(|(begins, ..)| name.starts_with(begins));
     let Some((_, words, to_axis)) = told.max_by_key(|(begins, ..)| begins.len()) else {
         return name.replace('_', " ");
     };

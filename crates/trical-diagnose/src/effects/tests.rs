@@ -35,6 +35,7 @@ fn coefficients_are_said_in_words() {
         ("friction_by_load_2", "wind-up for each Nm of load"),
         ("payload_mass", "mass beyond that in cell.toml"),
         ("indicator_drift_x", "drift"),
+        ("growth_5_by_q4", "error where it is largest"),
         ("new_one_4", "new one 4"),
     ] {
         assert_eq!(coefficient(name), words);

@@ -6,6 +6,7 @@ use super::Rounds;
 use crate::candidate::Candidate;
 use crate::effect_id::Cause;
 use crate::linear::Downdate;
+use crate::selection::Search;
 use crate::settings::NAMED_SHARE;
 
 impl Rounds {
@@ -34,21 +35,29 @@ impl Rounds {
             own.cause == Cause::Unexplained && own.terms.iter().all(|t| t.basis.beside.is_none())
         };
         let curves: Vec<usize> = self.chosen.iter().copied().filter(is_curve).collect();
-        if curves.is_empty() {
+        let is_name = |c: &usize| {
+            let is_out = self.chosen.contains(c) || self.let_go.contains(c);
+            !is_out && curves.iter().any(|curve| may_name(&self.candidates[*c], &self.candidates[*curve]))
+        };
+        let names: Vec<usize> = (0..self.candidates.len()).filter(is_name).collect();
+        if names.is_empty() {
             return Ok(Vec::new());
         }
-        let design = self.design(&self.searched(), &[], self.correlation)?;
-        let (search, start) = (self.searcher(&design), design.start());
-        let downdate = Downdate::new(&design, &start, &self.chosen);
+        let asked = [&self.chosen[..], &names].concat();
+        let members = self.members(&asked);
+        let chosen: Vec<usize> = (0..self.chosen.len()).collect();
+        let design = self.design(&members, &[], self.correlation)?;
+        let (search, start) = (Search::new(&design, &members, self.temper()), design.start());
+        let downdate = Downdate::new(&design, &start, &chosen);
         let name = |curve: &usize| {
-            let own = &self.candidates[*curve];
+            let own = &members[*curve];
             let without = search.without(&downdate, &start, &[*curve]).state;
             let least = NAMED_SHARE * (without.ss - downdate.full().ss);
-            let is_name = |c: usize| may_name(&self.candidates[c], own);
-            let names = search.rank(&without).into_iter().filter(|r| is_name(r.candidate) && r.dss >= least);
-            names.max_by(|a, b| a.evidence.total_cmp(&b.evidence)).map(|r| (*curve, r.candidate))
+            let names = search.rank(&without).into_iter();
+            let names = names.filter(|r| may_name(&members[r.candidate], own) && r.dss >= least);
+            names.max_by(|a, b| a.evidence.total_cmp(&b.evidence)).map(|r| (asked[*curve], asked[r.candidate]))
         };
-        Ok(curves.iter().filter_map(name).collect())
+        Ok(chosen.iter().filter(|k| curves.contains(&asked[**k])).filter_map(name).collect())
     }
 }
 

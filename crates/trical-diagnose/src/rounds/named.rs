@@ -30,10 +30,7 @@ impl Rounds {
 
     /// Curves without a name, each with the name that says most of it.
     fn nameable(&self) -> Result<Vec<(usize, usize)>> {
-        let is_curve = |c: &usize| {
-            let own = &self.candidates[*c];
-            own.cause == Cause::Unexplained && own.terms.iter().all(|t| t.basis.beside.is_none())
-        };
+        let is_curve = |c: &usize| self.candidates[*c].cause == Cause::Unexplained;
         let curves: Vec<usize> = self.chosen.iter().copied().filter(is_curve).collect();
         let is_name = |c: &usize| {
             let is_out = self.chosen.contains(c) || self.let_go.contains(c);
@@ -61,11 +58,12 @@ impl Rounds {
     }
 }
 
-/// Whether a candidate is an effect of one number (with several it would be a curve itself) that moves the same as a curve, by the same variable.
+/// Whether a candidate is an effect of one number (with several it would be a curve itself) that moves the same as a curve, by the same
+/// variable alone.
 fn may_name(c: &Candidate, curve: &Candidate) -> bool {
     let [one] = &c.terms[..] else { return false };
     c.cause.effect().is_some()
-        && curve.terms.iter().any(|t| t.site == one.site)
+        && curve.terms.iter().all(|t| t.site == one.site && t.basis.beside.is_none())
         && (c.over(), c.session()) == (curve.over(), curve.session())
 }
 
@@ -73,7 +71,7 @@ fn may_name(c: &Candidate, curve: &Candidate) -> bool {
 mod tests {
     #![allow(clippy::unwrap_used)]
 
-    use trical_model::{Basis, Place, Shape, Variable};
+    use trical_model::{Basis, Beside, Place, Shape, Variable};
 
     use super::*;
     use crate::effect_id::EffectId;
@@ -123,11 +121,16 @@ mod tests {
         for other in [two, by_q4, name(3), name(2).in_session(1), curve.clone()] {
             assert!(!may_name(&other, &curve), "{other:?}");
         }
+        let mut of_two_angles = curve;
+        of_two_angles.terms[0].basis.beside = Some(Beside { joint: 4, shape: Shape::Sine { cycles: 1.0 } });
+        assert!(!may_name(&name(2), &of_two_angles));
     }
 
     #[test]
-    fn a_curve_that_begins_in_the_middle_keeps_none() {
-        let (own, called) = named(&[(Shape::Hinge { at: 0.1 }, 4e-4)]);
-        assert_eq!((own.cause, own.site, called), (Cause::Unexplained, Place::Joint(5), 0));
+    fn a_curve_that_begins_well_within_the_range_keeps_none() {
+        // joint 4 was between -1.4 and 1.4 rad
+        let called = |at| named(&[(Shape::Hinge { at }, 4e-4)]).0.cause;
+        assert_eq!(called(-1.2), EffectId::JointCoupling.into());
+        assert_eq!([-0.8, 0.1].map(called), [Cause::Unexplained; 2]);
     }
 }
